@@ -69,6 +69,8 @@ FEW = 16
 """The number of regions, or of lines, up to which they are sorted by insertion."""
 SOME = 64
 """The number of keys of an interval up to which they are sorted by comparing all of them, side by side."""
+PIECES, CORNERS, LINES = 8, 12, 40
+"""The numbers of regions of a square, of corners of one, and of lines, up to which there are cells with signs."""
 LIMITS = {
     "TEG_BLOCK": BLOCK,
     "TEG_CHUNKS": CHUNKS,
@@ -126,6 +128,9 @@ LIMITS = {
     "TEG_FEW": FEW,
     "TEG_SOME": SOME,
     "TEG_MARKED": MARKED,
+    "TEG_PIECES": PIECES,
+    "TEG_PIECE": CORNERS,
+    "TEG_PIECE_LINES": LINES,
     "TEG_MANY_CELLS": MANY_CELLS,
     "TEG_MANY_IN_TILE": MANY_IN_TILE,
     "TEG_TILE_U": TILE_AT[0],
@@ -156,6 +161,7 @@ TOPICS = (
     "arrangement",
     "cells",
     "envelope",
+    "signed",
     "kept",
 )
 """The headers, in the order in which they build on one another."""

@@ -44,11 +44,13 @@ static inline int64_t teg_row(const teg_shape *s)
 //: teg_cell
 /* A convex polygon: owner, number of corners, and where they begin in the pool, which has room for so many; and the cut that made it: its
    line, and what became of the sides g >= 0 and g <= 0. These are cells (~k) or further cuts (k, the cut that made cell k). `up` is where
-   the cell itself is named: twice the cut, + 1 on the side g <= 0. Cell 0 was made by no cut: its first side is the whole square. */
+   the cell itself is named: twice the cut, + 1 on the side g <= 0. Cell 0 was made by no cut: its first side is the whole square. Integrals
+   over it count `weight` times, which is 1 but in cells with signs. */
 typedef struct {
     int64_t owner;
     size_t at;
     int n, room, line, up, sides[2];
+    double weight;
 } teg_cell;
 
 //: teg_line
@@ -82,13 +84,13 @@ typedef struct {
 //: teg_arrangement
 /* The cells of a tile of the square, from (u[0], v[0]) to (u[1], v[1]), moved by (su, sv), and all that they are made of. Arrays begin on the
    stack, and move to the heap as they grow. `tied`: something else has the line of an edge on which two keys are equal; `ambiguous`: such an
-   edge has no derivative. */
+   edge has no derivative; `alone`: it is known that no two regions have one line. */
 typedef struct {
     const teg_shape *shape;
     const double *rows;
     int64_t n;
     double su, sv, u[2], v[2];
-    int touching, undefined, failed, tied, ambiguous;
+    int touching, undefined, failed, tied, ambiguous, alone;
     int64_t base;
     teg_cell *cells;
     size_t cell_count, cell_room;
@@ -178,7 +180,7 @@ static int teg_add_line(teg_arrangement *r, teg_line line)
 static void teg_new_cell(teg_arrangement *r, int64_t owner, int line, int n)
 {
     const int number = (int)r->cell_count;
-    const teg_cell cell = {owner, r->used, n, n, line, 2 * number + 1, {0, ~number}};
+    const teg_cell cell = {owner, r->used, n, n, line, 2 * number + 1, {0, ~number}, 1.0};
     if (r->cell_count == r->cell_room) {
         r->cells = teg_grown(r->cells, r->own_cells, r->cell_count * sizeof cell, 2 * r->cell_room * sizeof cell, &r->failed);
         if (r->failed) return;
@@ -556,7 +558,7 @@ static void teg_select(teg_arrangement *r, const int64_t *list, int64_t regions)
     int64_t base = -1;
     double nearest = INFINITY;
     size_t kept = 0;
-    r->undefined = 0;
+    r->undefined = r->alone = 0;
     r->cell_count = r->region_count = r->used = 0;
     memcpy(r->lines, sides, sizeof sides);
     r->line_count = 4;
@@ -733,7 +735,7 @@ static void teg_find_twins(teg_arrangement *r)
     int alike = 0;
     double last;
     r->twin_count = 0;
-    if (r->region_count < 2 || !teg_may_have_twins(r)) return;
+    if (r->region_count < 2 || r->alone || !teg_may_have_twins(r)) return;
     if (r->line_count > r->twin_room) {
         r->twins = teg_grown(r->twins, 1, 0, 2 * r->line_count * sizeof *r->twins, &r->failed);
         if (r->failed) return;

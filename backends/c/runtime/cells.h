@@ -418,6 +418,23 @@ static int teg_cells(
     return r->failed;
 }
 
+//: teg_is_known
+/* Whether the polynomials of the owner of the first cell are finite. */
+static int teg_is_known(const teg_shape *s, const double *f)
+{
+    int known = 1;
+    for (int j = 0; j < s->bodies * teg_coefficients(s); j++) known &= isfinite(f[j]);
+    return known;
+}
+
+//: teg_polynomials
+/* The polynomials of an owner, or of the square outside of all candidates. */
+static inline const double *teg_polynomials(const teg_arrangement *r, int64_t owner, const double *otherwise)
+{
+    const teg_shape *const s = TEG_SHAPE(r->shape);
+    return owner < 0 ? otherwise : r->rows + owner / s->parts * teg_row(s) + teg_forms(s);
+}
+
 //: teg_least
 /* One more candidate for the least key; NaN where it is not known whether there is one, or its key. */
 static inline void teg_least(double key, double present, int64_t index, double *least, double *winner)

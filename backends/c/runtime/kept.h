@@ -2,11 +2,11 @@
 
 //: teg_kept
 /* Cells, and what has become of them. TEG_NO_CELLS: the square has one owner, or there are none. TEG_CELLS: they are there. TEG_TWO_PARTS: one
-   cell is there, and `other` owns the rest of the square. TEG_TABLES: the tables of all results are there, since the square was cut into tiles,
+   cell is there, and `other` owns the rest of the square. TEG_SIGNED: there are cells with signs. TEG_TABLES: the tables of all results are there, since the square was cut into tiles,
    or something lies on a side. TEG_UNDEFINED: all is NaN. */
 typedef struct {
     teg_room room;
-    enum { TEG_NO_CELLS, TEG_CELLS, TEG_TWO_PARTS, TEG_TABLES, TEG_UNDEFINED } state;
+    enum { TEG_NO_CELLS, TEG_CELLS, TEG_TWO_PARTS, TEG_TABLES, TEG_UNDEFINED, TEG_SIGNED } state;
     int64_t other;
     double *tables;
 } teg_kept;
@@ -33,23 +33,6 @@ static inline void teg_owned(const teg_shape *s, const double *f, const double *
     for (int j = 0; j < count; j++) moments[j] += m[j];
 }
 
-//: teg_is_known
-/* Whether the polynomials of the owner of the first cell are finite. */
-static int teg_is_known(const teg_shape *s, const double *f)
-{
-    int known = 1;
-    for (int j = 0; j < s->bodies * teg_coefficients(s); j++) known &= isfinite(f[j]);
-    return known;
-}
-
-//: teg_polynomials
-/* The polynomials of an owner, or of the square outside of all candidates. */
-static inline const double *teg_polynomials(const teg_arrangement *r, int64_t owner, const double *otherwise)
-{
-    const teg_shape *const s = TEG_SHAPE(r->shape);
-    return owner < 0 ? otherwise : r->rows + owner / s->parts * teg_row(s) + teg_forms(s);
-}
-
 //: teg_values
 /* Values and moments of an arrangement. Those of the base are what the other cells leave. */
 static void teg_values(
@@ -68,7 +51,7 @@ static void teg_values(
         if (known && cell->owner == base) continue;
         for (int j = 0; j < count; j++) m[j] = 0.0;
         teg_cell_moments(r, cell, NULL, NULL, m, NULL);
-        for (int j = 0; j < count; j++) rest[j] -= m[j];
+        for (int j = 0; j < count; j++) m[j] *= cell->weight, rest[j] -= m[j];
         teg_owned(s, teg_polynomials(r, cell->owner, otherwise), m, values, moments + row * count);
         seen[row] = 1;
     }
@@ -162,6 +145,20 @@ static int teg_two_parts(teg_kept *kept, const double *otherwise)
     return 1;
 }
 
+//: teg_has_signs
+/* Make the cells with signs of a square; returns 0, and leaves nothing behind, where they are not known to be right. */
+static int teg_has_signs(teg_kept *kept, const double *otherwise)
+{
+    teg_arrangement *const r = &kept->room.r;
+    const size_t lines = r->line_count;
+    if (teg_sign_cells(r, otherwise)) {
+        kept->state = TEG_SIGNED;
+        return 1;
+    }
+    r->line_count = lines, r->cell_count = r->used = 0;
+    return 0;
+}
+
 //: teg_keep_tables
 /* The tables of all results, and the moments in them. */
 static void teg_keep_tables(teg_kept *kept, const double *otherwise, double *values, double *moments, unsigned char *seen)
@@ -210,6 +207,7 @@ static int teg_keep_cells(teg_kept *kept, const teg_shape *shape, int64_t n, con
     if (!r->undefined && !r->failed) {
         if (teg_is_tiled(r, 0, r->region_count)) teg_keep_tables(kept, otherwise, values, moments, seen);
         else if (teg_two_parts(kept, otherwise)) teg_values(r, kept->other, otherwise, values, moments, seen);
+        else if (teg_has_signs(kept, otherwise)) teg_values(r, r->base, otherwise, values, moments, seen);
         else {
             if (r->region_count) teg_arrange(r);
             if (!r->failed) teg_values(r, r->base, otherwise, values, moments, seen);
@@ -331,7 +329,7 @@ static int teg_pull_back(teg_kept *kept, const double *otherwise, const double *
         for (int body = 0; body < s->bodies; body++)
             for (int j = 0; j < count; j++) {
                 const double jump = own[body * count + j] - (known ? base[body * count + j] : 0.0);
-                if (jump != 0.0) f[j] += weights[body] * jump;
+                if (jump != 0.0) f[j] += cell->weight * weights[body] * jump;
             }
         teg_around(r, cell, f, table, seen);
     }

@@ -1,0 +1,285 @@
+/* Cells with signs: where few candidates are in a square, and no three of them lie over one another, the part of a candidate that is seen is
+   its part of the square without what others hide, and integrals over it are differences. Nothing is cut that is no border. */
+
+//: teg_piece
+/* A convex polygon of few corners; `label` as those of cells. */
+typedef struct {
+    int n, label[TEG_PIECE];
+    double x[TEG_PIECE], y[TEG_PIECE];
+} teg_piece;
+
+//: teg_trim
+enum { TEG_WHOLE, TEG_PART, TEG_NOTHING, TEG_UNCLEAR };
+
+/* What is left of a piece where c + a u + b v >= 0, its new edge with this label; TEG_UNCLEAR (and any piece) where a corner lies on the line.
+   The corners that are left follow each other: one edge leads to them, and one away. */
+static inline int teg_trim(teg_piece *piece, double c, double a, double b, int label)
+{
+    const int n = piece->n;
+    double x[TEG_PIECE], y[TEG_PIECE], d[TEG_PIECE], t;
+    int labels[TEG_PIECE], i, k, kept = 1;
+    unsigned below = 0, near = 0, first;
+    for (k = 0; k < n; k++) {
+        x[k] = piece->x[k], y[k] = piece->y[k], labels[k] = piece->label[k], d[k] = c + a * x[k] + b * y[k];
+        below |= (unsigned)(d[k] < 0.0) << k, near |= (unsigned)(fabs(d[k]) < TEG_ON_LINE) << k;
+    }
+    if (near) return TEG_UNCLEAR;
+    if (!below) return TEG_WHOLE;
+    if (below == (1u << n) - 1) return TEG_NOTHING;
+    first = (below << 1 | below >> (n - 1)) & ~below & ((1u << n) - 1); /* the corner before is below */
+    if (first & (first - 1) || n + 1 > TEG_PIECE) return TEG_UNCLEAR;
+    for (k = 0; !(first >> k & 1);) k++;
+    i = k ? k - 1 : n - 1;
+    t = d[i] / (d[i] - d[k]);
+    piece->x[0] = x[i] + t * (x[k] - x[i]), piece->y[0] = y[i] + t * (y[k] - y[i]), piece->label[0] = labels[i];
+    for (; !(below >> k & 1); kept++) {
+        piece->x[kept] = x[k], piece->y[kept] = y[k], piece->label[kept] = labels[k];
+        i = k, k = k + 1 == n ? 0 : k + 1;
+    }
+    t = d[i] / (d[i] - d[k]);
+    piece->x[kept] = x[i] + t * (x[k] - x[i]), piece->y[kept] = y[i] + t * (y[k] - y[i]), piece->label[kept] = label;
+    piece->n = kept + 1;
+    return TEG_PART;
+}
+
+//: teg_pieces
+/* The parts of the square of all regions (n is 0: none, or hidden), the lines on which their keys are the base's (or -1), and which of them
+   lie over one another, as bits; `lent`: of which of them others have lines; `label`: of lines. */
+typedef struct {
+    teg_piece of[TEG_PIECES];
+    int key[TEG_PIECES];
+    unsigned over[TEG_PIECES], lent;
+    int label[TEG_PIECE_LINES];
+} teg_pieces;
+
+//: teg_cut_by_line
+/* What is left of a piece where the form of a line is >= 0. */
+static inline int teg_cut_by_line(const teg_arrangement *r, int line, int label, teg_piece *piece)
+{
+    return teg_trim(piece, r->lines[line].c, r->lines[line].a, r->lines[line].b, label);
+}
+
+//: teg_cut_by_region
+/* What is left of a piece on a region. */
+static int teg_cut_by_region(const teg_arrangement *r, const teg_region *region, const int *label, teg_piece *piece)
+{
+    int state = TEG_WHOLE;
+    for (int k = region->first; k < region->end && state <= TEG_PART; k++) {
+        const int cut = teg_cut_by_line(r, k, label[k], piece);
+        state = cut > state ? cut : state;
+    }
+    return state;
+}
+
+//: teg_which_side
+/* Whether a difference of keys is above 0 at all corners of a piece (1), below 0 (-1), both (0), or it is not clear (2). */
+static int teg_which_side(const teg_piece *piece, const double *g, double tolerance)
+{
+    double most = -INFINITY, least = INFINITY;
+    for (int i = 0; i < piece->n; i++) {
+        const double d = g[0] + g[1] * piece->x[i] + g[2] * piece->y[i];
+        most = teg_most_of(d, most), least = teg_least_of(d, least);
+    }
+    if (least > tolerance) return 1;
+    if (most < -tolerance) return -1;
+    return most > tolerance && least < -tolerance ? 0 : 2;
+}
+
+//: teg_piece_of
+/* Make the part of the square of a region, and the line on which its key is the base's if there is one there; it has no part where it is behind
+   the base. Returns 0 where it is not clear. */
+static int teg_piece_of(teg_arrangement *r, const teg_region *region, teg_pieces *all, int at)
+{
+    static const teg_piece square = {4, {4, 2, 6, 0}, {0.0, 1.0, 1.0, 0.0}, {0.0, 0.0, 1.0, 1.0}};
+    teg_piece *const piece = all->of + at;
+    double g[3], tolerance;
+    int state;
+    *piece = square, all->key[at] = -1, all->over[at] = 0;
+    state = teg_cut_by_region(r, region, all->label, piece);
+    if (state == TEG_NOTHING) piece->n = 0;
+    if (state == TEG_UNCLEAR || state == TEG_NOTHING || r->base < 0) return state != TEG_UNCLEAR;
+    tolerance = teg_key_difference(r, r->base, region->region, g);
+    tolerance = teg_key_tolerance(g, tolerance);
+    state = teg_which_side(piece, g, tolerance);
+    if (state == -1) piece->n = 0;
+    if (!state) all->key[at] = teg_key_line(r, r->base, region->region, g);
+    return state != 2 && !r->failed;
+}
+
+//: teg_is_beyond
+/* Whether a piece is beyond one of the lines of a region. */
+static inline int teg_is_beyond(const teg_arrangement *r, const teg_region *region, const teg_piece *piece)
+{
+    for (int k = region->first; k < region->end; k++) {
+        const teg_line *const g = r->lines + k;
+        int on = 0;
+        for (int i = 0; i < piece->n; i++) on |= g->c + g->a * piece->x[i] + g->b * piece->y[i] >= TEG_ON_LINE;
+        if (!on) return 1;
+    }
+    return 0;
+}
+
+//: teg_are_beside
+/* Whether one of the lines of two regions has one of them on each side. */
+static inline int teg_are_beside(const teg_arrangement *r, int near, int far, const teg_pieces *all)
+{
+    return teg_is_beyond(r, r->regions + near, all->of + far) || teg_is_beyond(r, r->regions + far, all->of + near);
+}
+
+//: teg_edge_on
+/* Where the edge of a piece with this label begins and ends, along a line, and how far from it; returns its number or -1. */
+static int teg_edge_on(const teg_piece *piece, int label, const teg_line *line, double *ends)
+{
+    for (int i = 0; i < piece->n; i++) {
+        const int j = i + 1 == piece->n ? 0 : i + 1;
+        if (piece->label[i] != label) continue;
+        ends[0] = line->a * piece->y[i] - line->b * piece->x[i], ends[1] = line->a * piece->y[j] - line->b * piece->x[j];
+        ends[2] = fmax(fabs(line->c + line->a * piece->x[i] + line->b * piece->y[i]), fabs(line->c + line->a * piece->x[j] + line->b * piece->y[j]));
+        return i;
+    }
+    return -1;
+}
+
+//: teg_share_edges
+/* Give common edges of two regions that are beside one another the line of the nearer one, as cuts have it; returns 0 where edges on one line
+   have a part in common and are not equal. */
+static int teg_share_edges(const teg_arrangement *r, int near, int far, teg_pieces *all)
+{
+    for (int a = r->regions[near].first; a < r->regions[near].end; a++)
+        for (int b = r->regions[far].first; b < r->regions[far].end; b++) {
+            const teg_line *const g = r->lines + a, *const h = r->lines + b;
+            const double across = g->a * h->b - g->b * h->a, along = g->a * h->a + g->b * h->b;
+            double one[3], two[3];
+            int edge;
+            if ((fabs(across) >= 8.0 / TEG_ANGLES) | (fabs(along < 0.0 ? g->c + h->c : g->c - h->c) >= 2.0 * TEG_SAME)) continue;
+            edge = teg_edge_on(all->of + far, all->label[b], g, two);
+            if (edge < 0 || teg_edge_on(all->of + near, all->label[a], g, one) < 0) continue;
+            if (fmin(fmax(one[0], one[1]), fmax(two[0], two[1])) - fmax(fmin(one[0], one[1]), fmin(two[0], two[1])) <= TEG_ON_LINE) continue;
+            if (all->label[b] != 2 * b || all->label[a] != 2 * a || fabs(one[0] - two[1]) > TEG_ON_LINE || fabs(one[1] - two[0]) > TEG_ON_LINE || two[2] >= TEG_ON_LINE)
+                return 0;
+            all->of[far].label[edge] = all->label[b] = 2 * a + 1;
+            all->lent |= 1u << near;
+        }
+    return 1;
+}
+
+//: teg_signed_cell
+/* One more cell, that of a piece; `hides` is the number of the region that hides it, or -1. */
+static void teg_signed_cell(teg_arrangement *r, const teg_piece *piece, int region, int hides)
+{
+    if (!teg_room_in_pool(r, (size_t)piece->n)) return;
+    for (int i = 0; i < piece->n; i++) r->x[r->used + i] = piece->x[i], r->y[r->used + i] = piece->y[i], r->label[r->used + i] = piece->label[i];
+    teg_new_cell(r, r->regions[region].region, 0, piece->n);
+    if (r->failed) return;
+    r->cells[r->cell_count - 1].weight = hides < 0 ? 1.0 : -1.0;
+    r->cells[r->cell_count - 1].sides[0] = region, r->cells[r->cell_count - 1].sides[1] = hides;
+}
+
+//: teg_hide
+/* Make the cells of what one of two regions hides of the other; returns 0 where it is not clear. */
+static int teg_hide(teg_arrangement *r, int near, int far, teg_pieces *all)
+{
+    const int64_t one = r->regions[near].region, two = r->regions[far].region;
+    teg_piece common = all->of[far], other;
+    double g[3], tolerance;
+    int whole = teg_cut_by_region(r, r->regions + near, all->label, &common), side, line = all->key[near];
+    if (whole <= TEG_PART && line >= 0) {
+        const int cut = teg_cut_by_line(r, line, 2 * line, &common);
+        whole = cut > whole ? cut : whole;
+    }
+    if (whole >= TEG_NOTHING) return whole == TEG_NOTHING;
+    tolerance = teg_key_difference(r, two, one, g);
+    tolerance = teg_key_tolerance(g, tolerance);
+    side = teg_which_side(&common, g, tolerance);
+    if (side == 1 && whole == TEG_WHOLE) all->of[far].n = 0;
+    if (side == 2 || !all->of[far].n) return side != 2 && !(all->lent >> far & 1);
+    all->over[near] |= 1u << far, all->over[far] |= 1u << near;
+    if (side) teg_signed_cell(r, &common, side == 1 ? far : near, side == 1 ? near : far);
+    else {
+        line = teg_key_line(r, two, one, g), other = common;
+        if (r->failed || teg_cut_by_line(r, line, 2 * line, &common) != TEG_PART) return 0;
+        if (teg_trim(&other, -r->lines[line].c, -r->lines[line].a, -r->lines[line].b, 2 * line + 1) != TEG_PART) return 0;
+        teg_signed_cell(r, &common, far, near);
+        teg_signed_cell(r, &other, near, far);
+    }
+    return !r->failed;
+}
+
+//: teg_is_one_over_one
+/* Whether no three regions lie over one another, so that nothing is hidden twice. */
+static int teg_is_one_over_one(const teg_arrangement *r, const teg_pieces *all)
+{
+    unsigned seen = 0;
+    for (int k = 0; k < (int)r->region_count; k++) seen |= (unsigned)(all->of[k].n > 0) << k;
+    for (int k = 0; k < (int)r->region_count; k++)
+        for (int m = 0; m < k && seen >> k & 1; m++)
+            if (all->over[k] & seen & 1u << m && all->over[k] & all->over[m] & seen) return 0;
+    return 1;
+}
+
+//: teg_area
+/* The area of a cell. */
+static double teg_area(const teg_arrangement *r, const teg_cell *cell)
+{
+    const double *const x = r->x + cell->at, *const y = r->y + cell->at;
+    double area = 0.0;
+    for (int k = 1; k + 1 < cell->n; k++) area += (x[k] - x[0]) * (y[k + 1] - y[0]) - (x[k + 1] - x[0]) * (y[k] - y[0]);
+    return 0.5 * area;
+}
+
+//: teg_keep_seen
+/* Leave out cells of regions that are hidden, and add those of the others. Returns 0 where two together hide one. */
+static int teg_keep_seen(teg_arrangement *r, const teg_pieces *all, const double *otherwise)
+{
+    double area[TEG_PIECES];
+    size_t kept = 0;
+    for (size_t k = 0; k < r->cell_count; k++) {
+        const teg_cell cell = r->cells[k];
+        if (all->of[cell.sides[0]].n && all->of[cell.sides[1]].n) r->cells[kept++] = cell;
+    }
+    r->cell_count = kept;
+    for (int k = 0; k < (int)r->region_count; k++) {
+        area[k] = 1.0;
+        if (!all->of[k].n) continue;
+        teg_signed_cell(r, all->of + k, k, -1);
+        if (r->failed) return 0;
+        if (all->over[k]) area[k] = teg_area(r, r->cells + r->cell_count - 1);
+    }
+    for (size_t k = 0; k < kept; k++) {
+        const teg_cell *const cell = r->cells + k;
+        area[cell->sides[0]] -= teg_area(r, cell);
+        if (!teg_is_known(TEG_SHAPE(r->shape), teg_polynomials(r, cell->owner, otherwise))) return 0;
+    }
+    for (int k = 0; k < (int)r->region_count; k++)
+        if (area[k] < TEG_BESIDE) return 0;
+    return 1;
+}
+
+//: teg_sign_cells
+/* Make the cells with signs of a square; returns 0 where they are not known to be right. */
+static int teg_sign_cells(teg_arrangement *r, const double *otherwise)
+{
+    teg_pieces all;
+    unsigned beside[TEG_PIECES] = {0};
+    const int count = (int)r->region_count;
+    if (count < 2 || count > TEG_PIECES || r->line_count > TEG_PIECE_LINES || TEG_SHAPE(r->shape)->parts > 1) return 0;
+    r->alone = !teg_may_have_twins(r);
+    if (r->alone || !teg_is_known(TEG_SHAPE(r->shape), teg_polynomials(r, r->base, otherwise))) return 0;
+    teg_sort_regions(r->regions, r->region_count);
+    all.lent = 0;
+    for (int k = 0; k < (int)r->line_count; k++) all.label[k] = 2 * k;
+    for (int k = 0; k < count; k++)
+        if (!teg_piece_of(r, r->regions + k, &all, k)) return 0;
+    for (int far = 1; far < count; far++)
+        for (int near = 0; near < far; near++) {
+            if (!all.of[near].n || !all.of[far].n) continue;
+            beside[far] |= (unsigned)teg_are_beside(r, near, far, &all) << near;
+            if (beside[far] >> near & 1 && !teg_share_edges(r, near, far, &all)) return 0;
+        }
+    for (int k = 0; k < count; k++)
+        if (all.of[k].n && all.key[k] >= 0 && teg_cut_by_line(r, all.key[k], 2 * all.key[k], all.of + k) != TEG_PART) return 0;
+    for (int far = 1; far < count; far++)
+        for (int near = 0; near < far; near++)
+            if (all.of[near].n && all.of[far].n && !(beside[far] >> near & 1) && !teg_hide(r, near, far, &all)) return 0;
+    return teg_is_one_over_one(r, &all) && teg_keep_seen(r, &all, otherwise);
+}
