@@ -16,12 +16,14 @@ from typing import NamedTuple
 from teg.backends.c.text import indent, literal, packed, spelled
 from teg.numerics.cells import monomials
 from teg.numerics.quadrature import gauss_legendre, triangle_rule
-from teg.program.arrays import ArrayProgram, Cells, Combined, Step, Take, steps
+from teg.program.arrays import ArrayProgram, Cells, Combined, Integers, Step, Take, steps
 
 NO_MEMORY = 16
 """The bit of a note that says that there was no memory for cells."""
 CELLS_ON_STACK = 1024
 """Numbers of candidates and tables that are on the C stack."""
+AHEAD = 8
+"""How many candidates on is the one whose row of a table is asked for."""
 
 
 class Source(NamedTuple):
@@ -37,6 +39,7 @@ class CellPrinter(ABC):
 
     def __init__(self, program: ArrayProgram) -> None:
         self.sources: dict[str, Source] = {}  # by the names of tables
+        self.widths: dict[str, int] = {}  # the columns of tables of rows
         self.shapes: dict[str, str] = {}  # the rules of the shapes of cells, by name
         body = list(steps(program.body))
         self._read = {s.table for s in body if isinstance(s, Take)}
@@ -62,7 +65,7 @@ class CellPrinter(ABC):
         at, count = step.results[0], len(step.results)
         lo, hi = spelled(step.lo), spelled(step.hi)
         stored = [f"{at}_rows[({step.index} - {lo}) * {wide} + {j}] = {spelled(v)};" for j, v in enumerate(step.values)]
-        inside = ["if (teg_stopped(pace)) break;", *self._block(step.body, depth + 1), *packed(stored)]
+        inside = ["if (teg_stopped(pace)) break;", *self._ahead(step), *self._block(step.body, depth + 1), *packed(stored)]
         given = ", ".join(spelled(v) if isinstance(v, str) else literal(float(v)) for v in step.otherwise)
         lines = [
             f"const int64_t {at}_n = {hi} - {lo};",
@@ -99,6 +102,12 @@ class CellPrinter(ABC):
             lines.append(f"double *const {reader.table} = {at}_rows ? {at}_tables + {before} * ({at}_n + 1) : NULL;")
             before += own
         return lines
+
+    def _ahead(self, step: Cells) -> list[str]:
+        """Returns lines that ask for rows of tables which candidates further on in a list name: in its order they are read."""
+        lists = {s.name: s.array for s in step.body if isinstance(s, Integers) and s.op == "gather" and s.args == (step.index,)}
+        rows = dict.fromkeys((lists[s.row], s.table) for s in step.body if isinstance(s, Take) and s.row in lists)
+        return [f"teg_ahead(a{a}, s{a}[0], {step.index} + {AHEAD}, {table}, {self.widths[table]});" for a, table in rows if table in self.widths]
 
     def _places(self, step: Cells, kept: bool) -> str:
         """Returns how many numbers the tables of cells have, those of their readers included; behind them which candidates are seen."""

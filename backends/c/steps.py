@@ -44,7 +44,6 @@ class StepPrinter(CellPrinter):
         self.program = program
         self.printer = Printer()
         self.routines: dict[int, Routine] = {}
-        self.widths: dict[str, int] = {}  # the columns of tables of rows
         self.copied: frozenset[int | str] = frozenset()  # the outputs and tables of which the chunk that is printed has a copy
         self.idle: set[int] = set()  # the flat programs that only points in queues needed, which compute them again
         self.telling: set[int] = set()  # the flat programs that return whether their branch is taken
