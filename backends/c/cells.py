@@ -107,7 +107,9 @@ class CellPrinter(ABC):
         """Returns lines that ask for rows of tables which candidates further on in a list name: in its order they are read."""
         lists = {s.name: s.array for s in step.body if isinstance(s, Integers) and s.op == "gather" and s.args == (step.index,)}
         rows = dict.fromkeys((lists[s.row], s.table) for s in step.body if isinstance(s, Take) and s.row in lists)
-        return [f"teg_ahead(a{a}, s{a}[0], {step.index} + {AHEAD}, {table}, {self.widths[table]});" for a, table in rows if table in self.widths]
+        return [
+            f"teg_ahead(a{a}, s{a}[0], {step.index} + {AHEAD}, {table}, {self.widths[table]});" for a, table in rows if table in self.widths
+        ]
 
     def _places(self, step: Cells, kept: bool) -> str:
         """Returns how many numbers the tables of cells have, those of their readers included; behind them which candidates are seen."""

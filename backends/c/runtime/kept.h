@@ -33,6 +33,21 @@ static inline void teg_owned(const teg_shape *s, const double *f, const double *
     for (int j = 0; j < count; j++) moments[j] += m[j];
 }
 
+//: teg_whole
+/* Values and moments of a square that has one owner. They are not added to zeros: what was just written in wide pieces is read late. */
+static inline void teg_whole(const teg_shape *s, const double *f, double *values, double *moments)
+{
+    const int count = teg_coefficients(s);
+    double m[TEG_MONOMIALS];
+    teg_square_moments(s, m);
+    for (int body = 0; body < s->bodies; body++) {
+        double value = 0.0;
+        for (int j = 0; j < count; j++) value += f[body * count + j] * m[j];
+        values[body] = value;
+    }
+    for (int j = 0; j < count; j++) moments[j] = m[j];
+}
+
 //: teg_values
 /* Values and moments of an arrangement. Those of the base are what the other cells leave. */
 static void teg_values(
@@ -182,25 +197,17 @@ static void teg_keep_tables(teg_kept *kept, const double *otherwise, double *val
     }
 }
 
-//: teg_keep_cells
-/* Values of n candidates, moments of these and of what is outside of all, and which of both are seen. Returns 1 without memory, else 0. */
-static int teg_keep_cells(teg_kept *kept, const teg_shape *shape, int64_t n, const double *rows, const double *otherwise, double *values,
+//: teg_keep_several
+/* `teg_keep_cells` of a square that may have more than one owner. */
+TEG_APART int teg_keep_several(teg_kept *kept, const teg_shape *shape, int64_t n, const double *rows, const double *otherwise, double *values,
     double *moments, unsigned char *seen)
 {
     const teg_shape *const s = TEG_SHAPE(shape);
     const int count = teg_coefficients(s);
     teg_arrangement *const r = &kept->room.r;
-    r->shape = shape, r->n = n;
     for (int body = 0; body < s->bodies; body++) values[body] = 0.0;
     for (int64_t k = 0; k < (n + 1) * count; k++) moments[k] = 0.0;
     for (int64_t k = 0; k <= n; k++) seen[k] = 0;
-    if (!n || (n == 1 && teg_covers(s, rows))) {
-        double m[TEG_MONOMIALS];
-        teg_square_moments(s, m);
-        teg_owned(s, n ? rows + teg_forms(s) : otherwise, m, values, moments);
-        seen[0] = 1;
-        return 0;
-    }
     teg_begin(&kept->room, s, n, rows);
     kept->state = TEG_CELLS, kept->tables = NULL;
     teg_select(r, NULL, n * s->parts);
@@ -220,6 +227,22 @@ static int teg_keep_cells(teg_kept *kept, const teg_shape *shape, int64_t n, con
     for (int64_t k = 0; k < (n + 1) * count; k++) moments[k] = NAN;
     for (int64_t k = 0; k <= n; k++) seen[k] = 1;
     return r->failed;
+}
+
+//: teg_keep_cells
+/* Values of n candidates, moments of these and of what is outside of all, and which of both are seen. Returns 1 without memory, else 0. */
+static inline int teg_keep_cells(teg_kept *kept, const teg_shape *shape, int64_t n, const double *rows, const double *otherwise, double *values,
+    double *moments, unsigned char *seen)
+{
+    const teg_shape *const s = TEG_SHAPE(shape);
+    const int count = teg_coefficients(s);
+    kept->room.r.shape = shape, kept->room.r.n = n;
+    if (n > 1 || (n == 1 && !teg_covers(s, rows))) return teg_keep_several(kept, shape, n, rows, otherwise, values, moments, seen);
+    teg_whole(s, n ? rows + teg_forms(s) : otherwise, values, moments);
+    seen[0] = 1;
+    for (int j = 0; j < count && n; j++) moments[count + j] = 0.0;
+    if (n) seen[1] = 0;
+    return 0;
 }
 
 //: teg_combined
@@ -290,9 +313,9 @@ static void teg_around(const teg_arrangement *r, const teg_cell *cell, const dou
     }
 }
 
-//: teg_pull_back
-/* The derivatives of the weighted sum of all values by the forms of candidates; marks those that are seen by these. Returns 1 without memory. */
-static int teg_pull_back(teg_kept *kept, const double *otherwise, const double *weights, double *table, unsigned char *seen)
+//: teg_pull_cells
+/* `teg_pull_back` of a square that may have more than one owner. */
+TEG_APART int teg_pull_cells(teg_kept *kept, const double *otherwise, const double *weights, double *table, unsigned char *seen)
 {
     teg_arrangement *const r = &kept->room.r;
     const teg_shape *const s = TEG_SHAPE(r->shape);
@@ -301,7 +324,7 @@ static int teg_pull_back(teg_kept *kept, const double *otherwise, const double *
     const double *base;
     int known;
     for (int64_t k = 0; k < (r->n + 1) * forms; k++) table[k] = kept->state == TEG_UNDEFINED ? NAN : 0.0;
-    if (kept->state == TEG_NO_CELLS || kept->state == TEG_UNDEFINED) return 0;
+    if (kept->state == TEG_UNDEFINED) return 0;
     if (r->failed) return 1;
     if (kept->state == TEG_TABLES) {
         for (int body = 0; body < s->bodies; body++)
@@ -333,5 +356,16 @@ static int teg_pull_back(teg_kept *kept, const double *otherwise, const double *
             }
         teg_around(r, cell, f, table, seen);
     }
+    return 0;
+}
+
+//: teg_pull_back
+/* The derivatives of the weighted sum of all values by the forms of candidates; marks those that are seen by these. Returns 1 without memory. */
+static inline int teg_pull_back(teg_kept *kept, const double *otherwise, const double *weights, double *table, unsigned char *seen)
+{
+    const teg_arrangement *const r = &kept->room.r;
+    const int64_t size = (r->n + 1) * teg_forms(TEG_SHAPE(r->shape));
+    if (kept->state != TEG_NO_CELLS) return teg_pull_cells(kept, otherwise, weights, table, seen);
+    for (int64_t k = 0; k < size; k++) table[k] = 0.0;
     return 0;
 }

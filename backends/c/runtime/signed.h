@@ -163,6 +163,18 @@ static int teg_share_edges(const teg_arrangement *r, int near, int far, teg_piec
     return 1;
 }
 
+//: teg_tie_on_side
+/* Whether the keys of two regions are equal along a side of the square and not elsewhere. */
+static inline int teg_tie_on_side(const teg_arrangement *r, int64_t one, int64_t two)
+{
+    double g[3], tolerance = teg_key_difference(r, one, two, g);
+    int equal = 0;
+    tolerance = teg_key_tolerance(g, tolerance);
+    equal += fabs(g[0]) <= tolerance, equal += fabs(g[0] + g[1]) <= tolerance;
+    equal += fabs(g[0] + g[2]) <= tolerance, equal += fabs(g[0] + g[1] + g[2]) <= tolerance;
+    return equal > 1 && equal < 4;
+}
+
 //: teg_signed_cell
 /* One more cell, that of a piece; `hides` is the number of the region that hides it, or -1. */
 static void teg_signed_cell(teg_arrangement *r, const teg_piece *piece, int region, int hides)
@@ -274,6 +286,7 @@ static int teg_sign_cells(teg_arrangement *r, const double *otherwise)
         for (int near = 0; near < far; near++) {
             if (!all.of[near].n || !all.of[far].n) continue;
             beside[far] |= (unsigned)teg_are_beside(r, near, far, &all) << near;
+            if (teg_tie_on_side(r, r->regions[near].region, r->regions[far].region)) return 0;
             if (beside[far] >> near & 1 && !teg_share_edges(r, near, far, &all)) return 0;
         }
     for (int k = 0; k < count; k++)

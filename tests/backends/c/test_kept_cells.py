@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import itertools
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -148,6 +149,53 @@ def test_where_one_line_is_at_a_corner_or_on_a_side(kept: Any) -> None:
                 rows, otherwise, weights = numbers_of(shape, guards(np.array([one, other])), keys("ties", 2, random), 2, random)
                 for some in ([0], [1], [0, 1], [1, 0]):
                     check(kept, shape, rows[some], otherwise, weights, 1e-11)
+
+
+def fan(random: np.random.Generator, count: int, centre: Array) -> Array:
+    """Returns triangles with a common corner, which go around it and beyond the square."""
+    angles = np.sort(random.uniform(0.0, 2 * np.pi) + 2 * np.pi * (np.arange(count) + random.uniform(-0.3, 0.3, count)) / count)
+    ring = centre + 9.0 * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    return np.stack([np.broadcast_to(centre, ring.shape), ring, np.roll(ring, -1, axis=0)], axis=1)
+
+
+AROUND = [
+    ("nothing", "ties"),
+    *itertools.product(["nothing", "a triangle", "a fan", "a fan and a triangle"], ["equal", "crossing", "one over the other"]),
+]
+
+
+@pytest.mark.parametrize(("behind", "kind"), AROUND)
+def test_triangles_around_a_corner(kept: Any, behind: str, kind: str) -> None:
+    """Fans, whole and in part, before and across other ones and a triangle that covers the square: cells with signs."""
+    random, states = np.random.default_rng(11), []
+    far = 99.0 * np.stack([np.cos([0.1, 2.2, 4.3]), np.sin([0.1, 2.2, 4.3])], axis=-1)
+    for k in range(60):
+        shape = Layout(1, 3, k % 3)
+        front = fan(random, int(random.integers(3, 7)), random.uniform(size=2))
+        front = front[random.permutation(len(front))[: len(front) - k % 2]]
+        back = fan(random, int(random.integers(3, 5)), random.uniform(-0.5, 1.5, size=2))
+        parts = [front, *([back] if "fan" in behind else []), *([far[None]] if "triangle" in behind else [])]
+        triangles = np.concatenate(parts)
+        key = keys(kind if kind != "one over the other" else "crossing", len(triangles), random)
+        if kind == "one over the other":
+            key = 0.1 * key + np.repeat(np.arange(len(parts)), [len(p) for p in parts])[:, None] * np.array([3.0, 0.0, 0.0])
+        states.append(check(kept, shape, *numbers_of(shape, guards(triangles), key, 3, random)))
+    assert behind != "nothing" or states.count(SIGNED) > 20
+
+
+def test_what_hidden_candidates_hold_does_not_matter(kept: Any) -> None:
+    """A triangle behind a fan, or behind one triangle of it, has a polynomial that is not a number."""
+    random, shape = np.random.default_rng(12), Layout(1, 3, 1)
+    for k in range(40):
+        front = fan(random, 5, random.uniform(0.2, 0.8, size=2))
+        back = front[0] + 0.1 * (front[0].mean(axis=0) - front[0]) if k % 2 else fan(random, 3, random.uniform(size=2))[0]
+        key = np.zeros((6, 3))
+        key[5, 0] = 1.0
+        rows, otherwise, weights = numbers_of(shape, guards(np.concatenate([front, back[None]])), key, 2, random)
+        rows[5, 12:] = np.nan
+        found = kept(shape, rows, otherwise, weights)
+        assert np.isfinite(found.values).all()
+        assert np.isfinite(found.table).all()
 
 
 def test_parts_of_one_candidate_are_no_two_owners(kept: Any) -> None:
