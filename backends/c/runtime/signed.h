@@ -44,11 +44,11 @@ static inline int teg_trim(teg_piece *piece, double c, double a, double b, int l
 
 //: teg_pieces
 /* The parts of the square of all regions (n is 0: none, or hidden), the lines on which their keys are the base's (or -1), and which of them
-   lie over one another, as bits; `lent`: of which of them others have lines; `label`: of lines. */
+   lie over one another, as bits; which have lines that others have too (`lent`), and which are hidden in part; `label`: of lines. */
 typedef struct {
     teg_piece of[TEG_PIECES];
     int key[TEG_PIECES];
-    unsigned over[TEG_PIECES], lent;
+    unsigned over[TEG_PIECES], lent, hidden;
     int label[TEG_PIECE_LINES];
 } teg_pieces;
 
@@ -155,10 +155,10 @@ static int teg_share_edges(const teg_arrangement *r, int near, int far, teg_piec
             edge = teg_edge_on(all->of + far, all->label[b], g, two);
             if (edge < 0 || teg_edge_on(all->of + near, all->label[a], g, one) < 0) continue;
             if (fmin(fmax(one[0], one[1]), fmax(two[0], two[1])) - fmax(fmin(one[0], one[1]), fmin(two[0], two[1])) <= TEG_ON_LINE) continue;
-            if (all->label[b] != 2 * b || all->label[a] != 2 * a || fabs(one[0] - two[1]) > TEG_ON_LINE || fabs(one[1] - two[0]) > TEG_ON_LINE || two[2] >= TEG_ON_LINE)
-                return 0;
+            if (all->label[b] != 2 * b || all->label[a] != 2 * a) return 0;
+            if (fmax(two[2], fmax(fabs(one[0] - two[1]), fabs(one[1] - two[0]))) > 0.25 * TEG_ON_LINE) return 0; /* more than rounding */
             all->of[far].label[edge] = all->label[b] = 2 * a + 1;
-            all->lent |= 1u << near;
+            all->lent |= 1u << near | 1u << far;
         }
     return 1;
 }
@@ -206,6 +206,8 @@ static int teg_hide(teg_arrangement *r, int near, int far, teg_pieces *all)
     if (side == 1 && whole == TEG_WHOLE) all->of[far].n = 0;
     if (side == 2 || !all->of[far].n) return side != 2 && !(all->lent >> far & 1);
     all->over[near] |= 1u << far, all->over[far] |= 1u << near;
+    all->hidden |= (unsigned)(side >= 0) << far | (unsigned)(side <= 0) << near;
+    if (all->hidden & all->lent) return 0; /* cuts may give their common edges to the other one */
     if (side) teg_signed_cell(r, &common, side == 1 ? far : near, side == 1 ? near : far);
     else {
         line = teg_key_line(r, two, one, g), other = common;
@@ -278,7 +280,7 @@ static int teg_sign_cells(teg_arrangement *r, const double *otherwise)
     r->alone = !teg_may_have_twins(r);
     if (r->alone || !teg_is_known(TEG_SHAPE(r->shape), teg_polynomials(r, r->base, otherwise))) return 0;
     teg_sort_regions(r->regions, r->region_count);
-    all.lent = 0;
+    all.lent = all.hidden = 0;
     for (int k = 0; k < (int)r->line_count; k++) all.label[k] = 2 * k;
     for (int k = 0; k < count; k++)
         if (!teg_piece_of(r, r->regions + k, &all, k)) return 0;
