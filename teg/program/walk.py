@@ -8,10 +8,8 @@ from dataclasses import replace
 from teg.program.fields import inner_blocks, operands, renamed, result_names, variables
 from teg.program.names import unused_numbers
 from teg.program.statements import (
-    Arg,
     Assign,
     Hyperbola,
-    Polygon,
     Program,
     Segment,
     Stmt,
@@ -132,12 +130,3 @@ def _written_out(block: tuple[Stmt, ...], numbers: Iterator[int]) -> tuple[Stmt,
             case _:
                 result.append(stmt)
     return tuple(result)
-
-
-def clipped_by(stmt: Polygon | Segment) -> tuple[Arg, ...]:
-    """Returns the arguments that decide the domain of a polygon or a segment, without the scales of ties, which only the block for them
-    knows."""
-    if isinstance(stmt, Polygon):
-        known = (stmt.across, *(arg for p in stmt.corners for arg in p)) if stmt.corners else ()
-        return (stmt.width, stmt.height, *(arg for g in stmt.half_planes for arg in (g.a, g.b, g.c)), *known)
-    return tuple(arg for g in stmt.half_lines for arg in (g.first, g.last, *((g.resolution, g.size) if g.k is not None else ())))

@@ -116,6 +116,7 @@ ELSEWHERE = {
     "teg/passes/program": {
         "errors_in_loops": "tests/report/test_array_reports.py",
         "link": "tests/backends/test_function.py",
+        "propagation": "tests/passes/program/test_errors.py",
         "sink": "tests/passes/intrinsics/test_polygon.py",
     },
     "teg": {"errors": "tests/package/test_errors.py", "pipeline": "tests/package/test_pipeline.py"},

@@ -97,6 +97,9 @@ class Errors(Protocol):
     def error(self, arg: Arg) -> Arg:
         """Returns the error of a number."""
 
+    def uncertainty(self, arg: Arg, out: list[Stmt]) -> Arg:
+        """Returns the error of a number and of its roundings."""
+
     def block(self, block: Sequence[Stmt]) -> tuple[Stmt, ...]:
         """Returns a block with the errors of its values."""
 
@@ -135,10 +138,11 @@ class Description:
 
 @dataclass(frozen=True)
 class Statement:
-    """The data of an intrinsic's statement for passes and reports: its error rule, the number of evaluations of its integrand in a run,
-    and the least number of them that its rule can do with."""
+    """The data of an intrinsic's statement for passes and reports: its error rule, the numbers whose roundings count in it, the number of
+    evaluations of its integrand in a run, and the least number of them that its rule can do with."""
 
     errors: ErrorRule
+    numbers: Callable[[Any], tuple[Arg, ...]]
     evaluations: Callable[[Any], int]
     least: Callable[[Any], int]
 

@@ -15,7 +15,7 @@ from teg.ir.integral import Integral
 from teg.ir.node import postorder
 from teg.passes.eliminate.conic import Conic
 from teg.passes.eliminate.implicit import Implicit
-from teg.passes.intrinsics.ellipse.errors import with_errors
+from teg.passes.intrinsics.ellipse.errors import numbers_of, with_errors
 from teg.passes.intrinsics.ellipse.lowering import EllipseLowering
 from teg.passes.intrinsics.ellipse.match import match_arcs, match_ellipse
 from teg.passes.lower.intrinsic import CLOSED_FORM, Description, Intrinsic, Statement
@@ -41,5 +41,5 @@ def _none(stmt: Ellipse) -> int:
 
 
 ELLIPSE = Intrinsic(
-    "ellipse", EllipseLowering, boundary=boundary, describe=describe, statements={Ellipse: Statement(with_errors, _none, _none)}
+    "ellipse", EllipseLowering, boundary=boundary, describe=describe, statements={Ellipse: Statement(with_errors, numbers_of, _none, _none)}
 )

@@ -47,8 +47,7 @@ def with_errors(errors: Errors, stmt: Ellipse, out: list[Stmt]) -> None:
         for j, k, c in m.terms:
             key = (m.kind, j, k)
             parts.append(errors.op(out, "mul", errors.op(out, "abs", c), spread[key]))
-            if errors.error(c) != 0.0:
-                parts.append(errors.op(out, "mul", errors.error(c), errors.op(out, "abs", kinds[key])))
+            parts.append(errors.times(out, kinds[key], errors.uncertainty(c, out)))
         errors.errors[result] = errors.sum_of(parts, out)
 
 
@@ -67,8 +66,7 @@ def _moved_planes(errors: Errors, stmt: Ellipse, out: list[Stmt]) -> tuple[tuple
         off: list[Arg] = [errors.error(g.c)]
         for slope, extent in ((g.a, stmt.place[3]), (g.b, stmt.place[4])):
             size = errors.op(out, "max", size, errors.op(out, "abs", errors.op(out, "mul", slope, extent)))
-            if errors.error(slope) != 0.0:
-                off.append(errors.op(out, "mul", errors.error(slope), errors.op(out, "abs", extent)))
+            off.append(errors.times(out, extent, errors.uncertainty(slope, out)))
         total = errors.sum_of(off, out)
         if total != 0.0:
             relative = errors.op(out, "add", relative, errors.op(out, "div", total, size))
@@ -84,10 +82,16 @@ def _relative(errors: Errors, stmt: Ellipse, size: Arg, out: list[Stmt]) -> Arg:
     sum_of_squares = errors.op(out, "max", errors.op(out, "add", *squares), LEAST)
     whole = errors.op(out, "abs", errors.op(out, "sub", errors.op(out, "mul", a, d), errors.op(out, "mul", b, c)))
     relative = errors.op(out, "mul", ROUNDINGS, errors.op(out, "div", sum_of_squares, errors.op(out, "max", whole, LEAST)))
-    off = errors.sum_of((errors.error(e) for e in stmt.place), out)
+    off = errors.sum_of([errors.uncertainty(e, out) for e in stmt.place], out)
     if off != 0.0:
         relative = errors.op(out, "add", relative, errors.op(out, "div", off, size))
-    turned = errors.sum_of((errors.error(e) for e in stmt.matrix), out)
+    turned = errors.sum_of([errors.uncertainty(e, out) for e in stmt.matrix], out)
     if turned != 0.0:
         relative = errors.op(out, "add", relative, errors.op(out, "div", turned, errors.op(out, "sqrt", sum_of_squares)))
     return relative
+
+
+def numbers_of(stmt: Ellipse) -> tuple[Arg, ...]:
+    """Returns the numbers whose roundings move the domain or change the integrand."""
+    planes = tuple(arg for g in stmt.half_planes for arg in (g.a, g.b, g.c))
+    return (*planes, *stmt.place, *stmt.matrix, *(c for m in stmt.moments for _, _, c in m.terms))

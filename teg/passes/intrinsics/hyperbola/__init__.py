@@ -14,7 +14,7 @@ from teg.ir.expr import Expr
 from teg.ir.integral import Integral
 from teg.ir.node import postorder
 from teg.passes.eliminate.bilinear import Bilinear
-from teg.passes.intrinsics.hyperbola.errors import with_errors
+from teg.passes.intrinsics.hyperbola.errors import numbers_of, with_errors
 from teg.passes.intrinsics.hyperbola.lowering import HyperbolaLowering
 from teg.passes.intrinsics.hyperbola.match import match_border, match_hyperbola
 from teg.passes.lower.intrinsic import CLOSED_FORM, Description, Intrinsic, Statement
@@ -39,5 +39,9 @@ def _none(stmt: Hyperbola) -> int:
 
 
 HYPERBOLA = Intrinsic(
-    "hyperbola", HyperbolaLowering, boundary=boundary, describe=describe, statements={Hyperbola: Statement(with_errors, _none, _none)}
+    "hyperbola",
+    HyperbolaLowering,
+    boundary=boundary,
+    describe=describe,
+    statements={Hyperbola: Statement(with_errors, numbers_of, _none, _none)},
 )

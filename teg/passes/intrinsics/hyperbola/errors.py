@@ -27,7 +27,7 @@ def with_errors(errors: Errors, stmt: Hyperbola, out: list[Stmt]) -> None:
     out.append(replace(stmt, scales=errors.block(stmt.scales), moments=stmt.moments + single, results=(*stmt.results, *kinds.values())))
     moved = _moved_borders(errors, stmt, kinds, out)
     relative: Arg = ROUNDINGS
-    off = errors.sum_of((errors.error(c) for c in stmt.corners), out)
+    off = errors.sum_of([errors.uncertainty(c, out) for c in stmt.corners], out)
     if off != 0.0:
         largest: Arg = LEAST
         for c in stmt.corners:
@@ -40,8 +40,7 @@ def with_errors(errors: Errors, stmt: Hyperbola, out: list[Stmt]) -> None:
             parts.append(errors.op(out, "mul", relative, errors.op(out, "abs", c), moment))
             if (j, k) in moved and m.kind == "border":
                 parts.append(errors.op(out, "mul", ROUNDINGS / STEP, errors.op(out, "abs", c), moved[j, k]))
-            if errors.error(c) != 0.0:
-                parts.append(errors.op(out, "mul", errors.error(c), moment))
+            parts.append(errors.times(out, moment, errors.uncertainty(c, out)))
         errors.errors[result] = errors.sum_of(parts, out)
 
 
@@ -59,3 +58,8 @@ def _moved_borders(errors: Errors, stmt: Hyperbola, kinds: dict[tuple[str, int, 
     out.append(replace(stmt, corners=corners, turn=turn, scales=errors.block(stmt.scales), moments=moments, results=names))
     distances = (errors.op(out, "abs", errors.op(out, "sub", a, b)) for a, b in zip(borders.values(), names, strict=True))
     return dict(zip(borders, distances, strict=True))
+
+
+def numbers_of(stmt: Hyperbola) -> tuple[Arg, ...]:
+    """Returns the numbers whose roundings move the domain or change the integrand."""
+    return (*stmt.corners, *(c for m in stmt.moments for _, _, c in m.terms))

@@ -11,7 +11,7 @@ from __future__ import annotations
 from teg.ir.integral import Integral, masses_of
 from teg.numerics.quadrature import triangle_rule
 from teg.passes.intrinsics.polygon.adjoints import with_adjoints
-from teg.passes.intrinsics.polygon.errors import with_errors
+from teg.passes.intrinsics.polygon.errors import numbers_of, with_errors
 from teg.passes.intrinsics.polygon.lowering import PolygonLowering
 from teg.passes.intrinsics.polygon.match import match_clipped
 from teg.passes.lower.intrinsic import Description, Intrinsic, Statement
@@ -55,5 +55,8 @@ POLYGON = Intrinsic(
     PolygonLowering,
     describe=describe,
     loops=with_adjoints,
-    statements={Polygon: Statement(with_errors, of_polygon, of_triangle), Segment: Statement(with_errors, of_segment, of_segment)},
+    statements={
+        Polygon: Statement(with_errors, numbers_of, of_polygon, of_triangle),
+        Segment: Statement(with_errors, numbers_of, of_segment, of_segment),
+    },
 )
