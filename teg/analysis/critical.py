@@ -21,6 +21,8 @@ from teg.ir.traverse import substitute
 ROUNDING = 8 * 2.0**-52
 APART = 2.0**-45
 """What counts as 0 at the critical point, relative to the values on the box."""
+LEAST = 1e-200
+"""The least such distance: the square of a radius."""
 NOTHING = 1e-12
 """A factor of the boundary term counts as 0 at the critical point if it is smaller there than this fraction of its values on the box."""
 
@@ -68,8 +70,12 @@ def is_above_birth(g: Expr, critical: Critical) -> Cond:
 
 
 def least_height(critical: Critical) -> Expr:
-    """Returns the distance from its critical value at which a surface is taken if that value is 0 to rounding."""
-    return mul(const(APART), critical.size)
+    """Returns the distance from its critical value at which a surface is taken if that value is 0 to rounding.
+
+    It is not 0 where all numbers are: a circle has directions however small it is, and a side of the box through its centre leaves half
+    of it.
+    """
+    return add(mul(const(APART), critical.size), const(LEAST))
 
 
 def infinite_at_saddle(g: Expr, coefficient: Expr, boxes: Sequence[Binder]) -> Expr:

@@ -17,7 +17,7 @@ from teg.analysis.expanded import shorter_form
 from teg.analysis.polynomial import Degrees, Shadow
 from teg.errors import NotDifferentiableError
 from teg.ir import expr as ex
-from teg.ir.expr import MINUS_ONE, ONE, TRUE, ZERO, Add, Call, Cond, Const, Expr, Mul, Pow, Truth, Var, Where, const
+from teg.ir.expr import MINUS_ONE, ONE, TRUE, ZERO, Add, Call, Cond, Const, Expr, Mul, Param, Pow, Truth, Var, Where, const
 from teg.ir.node import Node, postorder
 from teg.ir.simplify import add, call, conjunction, disjunction, div, integer_power, mul, negation, positive, sub, where
 from teg.ir.traverse import fresh, parameters, replace_node, size, substitute
@@ -28,6 +28,10 @@ MAX_NUMERIC = 64
 """The same if the bounds are known as numbers."""
 MAX_DEPTH = 8
 COARSE = 1e4
+REACH = 2.0**20
+"""A vertex that is further away from the origin is not gone to."""
+LEAST = 1e-300
+"""Keeps a divisor from 0."""
 
 
 @dataclass(frozen=True)
@@ -121,6 +125,32 @@ def discriminant(a: Expr, b: Expr, c: Expr) -> Expr:
     return normal if normal is not None and not _is_coarse(normal) else raw
 
 
+def _at_the_vertex(g: Expr, x: Var, origin: Expr, known: tuple[Expr, Expr, Expr]) -> Expr:
+    """Returns the discriminant D, from A, B and D, by the value of g near its vertex where terms of D may cancel.
+
+        B² - 4AC = (2A·w + B)² - 4A·g(o + w)    for every w
+
+    With w near the vertex -B/2A the square is 0 to rounding, and g(o + w) keeps the digits that the user's formula has there: a chord of a
+    small disk, on a line as long as the box, is 0 to the rounding of B² - 4AC. Only where D depends on parameters alone: elsewhere its
+    roots are looked for, in its shortest form.
+    """
+    a, b, d = known
+    if d.free or not isinstance(d, Add) or all(isinstance(t, Param | Const) or _is_scaled(t) for t in d.children):
+        return d
+    double = mul(const(2), a)
+    scale = add(integer_power(double, 2), mul(const(REACH**-2), integer_power(b, 2)), const(LEAST))
+    w = mul(MINUS_ONE, double, b, integer_power(scale, -1))
+    value = cast(Expr, substitute(g, {x: add(origin, w)}))
+    return sub(integer_power(add(mul(double, w), b), 2), mul(const(4), a, value))
+
+
+def _is_scaled(e: Node) -> bool:
+    """Returns whether an expression is a number times a parameter."""
+    return (
+        isinstance(e, Mul) and all(isinstance(f, Const | Param) for f in e.children) and sum(isinstance(f, Param) for f in e.children) == 1
+    )
+
+
 def _is_coarse(normal: Expr) -> bool:
     """Returns whether a normal form has such large numbers that it loses digits: (x - 1000)², written out."""
     return any(isinstance(n, Const) and abs(n.data) > COARSE for n in postorder([normal]))
@@ -130,7 +160,7 @@ def quadratic_roots(g: Expr, x: Var, origin: Expr = ZERO) -> tuple[Root, ...]:
     """Returns both roots. If A is a number and m = -B/2A cannot be much larger than a root, they are m ± s, which is
     as exact and smoother."""
     a, b, c = quadratic_coefficients(g, x, origin)
-    d = discriminant(a, b, c)
+    d = _at_the_vertex(g, x, origin, (a, b, discriminant(a, b, c)))
     exists = conjunction(positive(d, strict=False), _not_zero(a))
     root = call("root", d)
     if b is ZERO or (isinstance(a, Const) and not _may_cancel(a, b, d)):
@@ -308,8 +338,9 @@ def _preimages(f: Call | Pow, c: Expr, x: Var, lo: Expr, hi: Expr) -> tuple[list
         k = f.children[1]
         if x in k.free:
             return None
-        certain = isinstance(u, Var) and all(isinstance(b, Const) and b.data >= 0.0 for b in (lo, hi))  # else k may be a whole number
-        return [(sub(u, call("pow", c, integer_power(k, -1))), positive(c))], certain
+        broken = isinstance(k, Const) and math.isfinite(k.data) and not float(k.data).is_integer()  # of no base below 0
+        certain = broken or (isinstance(u, Var) and all(isinstance(b, Const) and b.data >= 0.0 for b in (lo, hi)))
+        return [(sub(u, call("pow", c, integer_power(k, -1))), positive(c, strict=False))], certain
     if f.name == "atan2":  # the half-line at the angle c
         b, a, s, k = u, f.children[1], call("sin", c), call("cos", c)
         return [(sub(mul(b, k), mul(a, s)), positive(add(mul(a, k), mul(b, s))))], True

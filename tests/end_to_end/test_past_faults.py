@@ -368,3 +368,38 @@ def test_a_line_on_a_side_by_rounding_counts_half_on_both_of_its_sides(backend: 
         f = teg.compile(e, [t], backend=backend, intrinsics=intrinsics)
         assert f.grad(a=0.0, s=-0.1, t=0.3, p=low)["t"] == pytest.approx(0.5 * weight / 0.1, rel=1e-12)
         assert f.grad(a=0.0, s=-1.0, t=3.0, p=low)["t"] == pytest.approx(0.5 * weight, rel=1e-12)
+
+
+@pytest.mark.parametrize("closed_forms", [True, False])
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize(("place", "part"), [((0.3, 0.1), 1 / 4), ((-0.7, 1.3), 1 / 4), ((-0.2, 0.1), 1 / 2), ((0.1, 0.6), 1.0)])
+def test_a_disk_that_is_born_on_the_border_of_its_box(place: tuple[float, float], part: float, backend: str, closed_forms: bool) -> None:
+    """A circle of radius 0 had no directions: of one around a corner all was taken, or nothing."""
+    e = INT(B((x - a) ** 2 + (y - b) ** 2 < t) * (1 + x), (x, -0.7, 0.3), (y, 0.1, 1.3))
+    f = teg.compile(e, [t], backend=backend, intrinsics=closed_forms)
+    mean = 0.5 * math.pi * part * (1 + place[0])
+    assert f.grad(t=0.0, a=place[0], b=place[1])["t"] == pytest.approx(mean, rel=1e-14)
+
+
+@pytest.mark.parametrize("closed_forms", [True, False])
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("radius", [1e-3, 1e-6, 1e-8, 1e-12])
+def test_a_line_through_a_small_disk(radius: float, backend: str, closed_forms: bool) -> None:
+    """The discriminant of the chord's ends, on a line as long as the box, was lost: 2e-8 of the derivative by the line, or all of it."""
+    e = INT(B((x - a) ** 2 + (y - b) ** 2 < r * r) * B(x + c * y > d + c * b), (x, -1, 1), (y, -1, 1))
+    f = teg.compile(e, [d], backend=backend, intrinsics=closed_forms)
+    chord = 2 * radius / math.sqrt(1.25)
+    for centre in (0.0, 0.3):
+        found = f.grad(r=radius, a=centre, b=0.7 * centre, c=0.5, d=centre)["d"]
+        assert found == pytest.approx(-chord, abs=1e-15, rel=1e-9)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_broken_power_at_its_branch_point(backend: str) -> None:
+    """The area below t is t^(2/3), without a derivative at 0 from above: this was 0, as it is from below."""
+    assert teg.compile(INT(B(x**1.5 < t), (x, 0, 1)), backend=backend).grad(t=0.0)["t"] == math.inf
+    assert teg.compile(INT(B((x - 0.5) ** 2.25 < t), (x, 0.5, 1)), backend=backend).grad(t=0.0)["t"] == math.inf
+    assert teg.compile(INT(B(x**0.75 < t), (x, 0, 1)), backend=backend).grad(t=0.0)["t"] == 0.0
+    f = teg.compile(INT(B(x**1.5 < t), (x, 0, 1)), backend=backend)
+    assert f.grad(t=-1.0)["t"] == 0.0
+    assert f.grad(t=0.5)["t"] == pytest.approx(2 / 3 * 0.5 ** (-1 / 3), rel=1e-14)

@@ -244,8 +244,12 @@ class _Ellipse:
 
     def at(self, first: Expr, second: Expr) -> dict[Var, Expr]:
         """Returns the point of the ellipse for a point w of the unit circle: c + √κ·Lw."""
+        return {v: add(self.centre[v], step) for v, step in self.offset(first, second).items()}
+
+    def offset(self, first: Expr, second: Expr) -> dict[Var, Expr]:
+        """Returns the offset of this point from the centre: √κ·Lw."""
         steps = [add(mul(const(a), first), mul(const(b), second)) for a, b in self.data.inverse]
-        return {v: add(self.centre[v], mul(self.radius, step)) for v, step in zip(self.data.variables, steps, strict=True)}
+        return {v: mul(self.radius, step) for v, step in zip(self.data.variables, steps, strict=True)}
 
 
 def _quarter(curve: _Ellipse, number: int) -> Expr:
@@ -256,9 +260,10 @@ def _quarter(curve: _Ellipse, number: int) -> Expr:
     turned = (c, s), (mul(MINUS_ONE, s), c), (mul(MINUS_ONE, c), mul(MINUS_ONE, s)), (s, mul(MINUS_ONE, c))
     at = curve.at(*turned[number])
     value = restrict(coefficient, at, g, (binders[1].var, binders[0].var))
-    for b in binders:
-        lo, hi = (cast(Expr, substitute(e, at)) for e in (b.lo, b.hi))
-        value = signed_inside(at[b.var], lo, hi, g, b, value)
+    offset = curve.offset(*turned[number])
+    for b in binders:  # relative to the centre: of a circle around a corner the half, however small it is
+        lo, hi = (sub(cast(Expr, substitute(e, at)), curve.centre[b.var]) for e in (b.lo, b.hi))
+        value = signed_inside(offset[b.var], lo, hi, g, b, value)
     value = _without_constants(value, c, s)
     half = call("tan", mul(const(0.5), angle))
 
