@@ -49,6 +49,7 @@ from teg.passes.lower.integrals import schedule
 from teg.passes.normalise.canonicalise import Canonical
 from teg.passes.normalise.centre import centred
 from teg.passes.normalise.corners import with_local_boxes
+from teg.passes.normalise.cuts import with_cuts
 from teg.passes.normalise.finite_bounds import with_finite_bounds
 from teg.passes.normalise.inline import write_out
 from teg.passes.normalise.origins import with_differences
@@ -75,6 +76,7 @@ def to_atoms(keep_moving: bool, maps: Maps, canonical: Canonical) -> list[tuple[
     """Returns the passes to canonical atoms and split integrals. With `keep_moving`, surfaces that are carried along get a δ."""
     return [
         ("inline", write_out),  # passes must see the jumps inside of functions
+        ("cuts", with_cuts),  # the jumps of functions, too
         ("differences", with_differences),  # before products of far coordinates are differentiated
         *([] if maps else [("corners", with_local_boxes)]),  # maps are between the user's coordinates
         *([("carried", with_deltas)] if keep_moving else []),

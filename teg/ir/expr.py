@@ -247,6 +247,12 @@ class UncountedFloor(Call):
     __slots__ = ()
 
 
+class HalfAngle(Call):
+    """atan2(y, x) where x is not negative: there it has no cut."""
+
+    __slots__ = ()
+
+
 class Where(Expr):
     """`then` where the condition holds, else `otherwise`. The other value never matters, even if it is NaN."""
 

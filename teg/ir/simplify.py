@@ -24,6 +24,7 @@ from teg.ir.expr import (
     Cond,
     Const,
     Expr,
+    HalfAngle,
     Mul,
     Not,
     Or,
@@ -231,6 +232,11 @@ def uncounted_floor(u: Expr) -> Expr:
     """floor(u) whose steps are not written out; of a number a number."""
     e = call("floor", u)
     return UncountedFloor.make("floor", (u,)) if isinstance(e, Call) else e
+
+
+def half_angle(y: Expr, x: Expr) -> Expr:
+    """Returns atan2(y, x) where x is not negative; of numbers a number."""
+    return call("atan2", y, x) if isinstance(y, Const) and isinstance(x, Const) else HalfAngle.make("atan2", (y, x))
 
 
 def _into_branches(outer: Where, f: Callable[[Expr], Expr]) -> Expr:

@@ -15,6 +15,7 @@ from teg.ir.expr import (
     Cond,
     Const,
     Expr,
+    HalfAngle,
     Mul,
     Not,
     Or,
@@ -68,6 +69,8 @@ def remake(node: Node, children: tuple[Node, ...]) -> Node:
             return Apply.make(node.data, c)
         case ClosedForm():
             return type(node).make(node.data, c)
+        case HalfAngle():
+            return simplify.half_angle(*c)
         case UncountedFloor():
             return simplify.uncounted_floor(*c)
         case Call():

@@ -16,6 +16,7 @@ Linear in the program, up to the few conditions that are hoisted.
 
 from __future__ import annotations
 
+import math
 from typing import cast
 
 from teg.analysis.antiderivative import integrated
@@ -27,7 +28,7 @@ from teg.analysis.polynomial import Point, Shadow
 from teg.analysis.surfaces import atoms_of, binders_inside
 from teg.ir import expr as ex
 from teg.ir import simplify
-from teg.ir.expr import FALSE, MINUS_ONE, TRUE, Add, Call, Compare, Cond, Const, Expr, Mul, Param, Pow, Var, Where
+from teg.ir.expr import FALSE, MINUS_ONE, TRUE, Add, Call, Compare, Cond, Const, Expr, Mul, Param, Pow, Var, Where, const
 from teg.ir.integral import Delta, Integral, delta, scaled_integral
 from teg.ir.node import Node, postorder, union
 from teg.ir.simplify import add, conjunction, disjunction, mul, negation, positive
@@ -71,6 +72,9 @@ class Canonical:
                     result = self._tied(result, MAX_HOISTED)
             elif isinstance(result, Delta):
                 result = _split_delta(result, MAX_HOISTED)
+            elif isinstance(result, Call) and result.name == "atan2" and result.children[1] is ex.ZERO and result.free:
+                above = self._atom(result.children[0], True, MAX_HOISTED)  # on the cut of another one (`cuts.py`) it jumps
+                result = simplify.where(above, const(0.5 * math.pi), const(-0.5 * math.pi))
             elif isinstance(result, Integral):
                 result = self._integral(result)
             new[node] = result
@@ -88,7 +92,7 @@ class Canonical:
             then = self._atom(_decide(g, inner, True), strict, hoists - 1)
             otherwise = self._atom(_decide(g, inner, False), strict, hoists - 1)
             return disjunction(conjunction(inner, then), conjunction(negation(inner), otherwise))
-        g = _tangents_as_quotients(g)
+        g = tangents_as_quotients(g)
         if has_variable_denominator(g):
             numerator, denominator = cleared(g)
             g = mul(numerator, denominator)
@@ -238,7 +242,7 @@ def _decide(g: Expr, condition: Cond, value: bool) -> Expr:
     return cast(Expr, replace_node(g, condition, TRUE if value else FALSE))
 
 
-def _tangents_as_quotients(g: Expr) -> Expr:
+def tangents_as_quotients(g: Expr) -> Expr:
     """Returns g with tan u = sin u / cos u: the sign of an atom also changes at the poles."""
     if not any(isinstance(n, Call) and n.name == "tan" and n.free for n in postorder([g])):
         return g
