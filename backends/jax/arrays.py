@@ -7,6 +7,7 @@ from typing import Any
 
 import jax.numpy as jnp
 
+from teg.backends.jax.entries import array_of
 from teg.backends.shared.arrays import Arrays, Values
 
 
@@ -14,4 +15,8 @@ def _choose(mask: Any, compute: Callable[..., Values], operands: Values, otherwi
     return tuple(jnp.where(mask, new, old) for new, old in zip(compute(*operands), otherwise, strict=True))
 
 
-JAX = Arrays(jnp, _choose)
+def _rows(values: Values, like: Any) -> Any:
+    return array_of(values) if jnp.ndim(like) == 0 else jnp.stack([jnp.broadcast_to(v, jnp.shape(like)) for v in values])
+
+
+JAX = Arrays(jnp, _choose, _rows)

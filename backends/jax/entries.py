@@ -59,7 +59,7 @@ def stacked(numbers: Sequence[Any]) -> Any:
         if first is None:
             while end < len(numbers) and entry(numbers[end]) is None:
                 end += 1
-            parts.append(_together([jnp.asarray(v, jnp.float64) for v in numbers[start:end]]))
+            parts.append(array_of([jnp.asarray(v, jnp.float64) for v in numbers[start:end]]))
         else:
             while end < len(numbers) and _follows(first, entry(numbers[end]), end - start):
                 end += 1
@@ -70,7 +70,7 @@ def stacked(numbers: Sequence[Any]) -> Any:
     return parts[0] if len(parts) == 1 else jnp.concatenate(parts)
 
 
-def _together(numbers: Sequence[Any]) -> Any:
+def array_of(numbers: Sequence[Any]) -> Any:
     """The array of some scalars of one type, (n,); so many at a time as XLA computes in one kernel."""
     if len(numbers) <= AT_A_TIME:
         return jnp.stack(numbers)
@@ -109,7 +109,7 @@ def columns(of: Sequence[Sequence[Any]]) -> list[Columns]:
             numbers.append(k)
             stacks.append([v.astype(kind) for v in values])
     found = [
-        Columns(tuple(numbers), _together([v for row in zip(*stacks, strict=True) for v in row]).reshape(-1, len(numbers)))
+        Columns(tuple(numbers), array_of([v for row in zip(*stacks, strict=True) for v in row]).reshape(-1, len(numbers)))
         for numbers, stacks in others.values()
     ]
     for array, numbers, places in together.values():

@@ -23,7 +23,11 @@ def _choose(mask: Any, compute: Callable[..., Values], operands: Values, otherwi
     return results
 
 
-NUMPY = Arrays(np, _choose)
+def _rows(values: Values, like: Any) -> Any:
+    return np.stack([np.broadcast_to(v, np.shape(like)) for v in values])
+
+
+NUMPY = Arrays(np, _choose, _rows)
 
 
 def places_of(s: Substitution, u: Any) -> tuple[Any, Any]:

@@ -12,8 +12,9 @@ class Arrays(NamedTuple):
     """An array module, and the operations for which NumPy and JAX need different code.
 
     `xp`: numpy or jax.numpy. `choose(mask, compute, operands, otherwise)`: arrays that are `compute(*operands)` where the mask, along the
-    last axis, is true, and `otherwise` elsewhere.
+    last axis, is true, and `otherwise` elsewhere. `rows(values, like)`: an array of values, each of the shape of `like`.
     """
 
     xp: Any
     choose: Callable[[Any, Callable[..., Values], Values, Values], Values]
+    rows: Callable[[Values, Any], Any]

@@ -105,7 +105,8 @@ def substitution(arrays: Arrays, p: Any, q: Any, base: Any, bends: Sequence[Bend
 
 class _Zeros(NamedTuple):
     """The zeros m ± h, or m ± ih if they are `paired`, of a bend that counts where it is `near`, measured by an ellipse, and not infinitely
-    far; whether there is one zero `alone`; whether one is at the end p, at q. Places are relative to the base."""
+    far; whether there is one zero `alone`; whether one is at the end p, at q; whether the bend is a `pole`, or an `end`: one answer
+    where all bends have the same. Places are relative to the base. A bend is a row."""
 
     near: Any
     m: Any
@@ -114,30 +115,45 @@ class _Zeros(NamedTuple):
     paired: Any
     at_p: Any
     at_q: Any
+    pole: Any
+    end: Any
 
 
 def _bent(arrays: Arrays, straight: Substitution, base: Any, bends: Sequence[Bend]) -> Substitution:
-    """Returns the substitution by the nearest bend; flat ends where two bends are at the two ends."""
-    xp, result = arrays.xp, straight
+    """Returns the substitution by the nearest bend, of equally near ones by the first; flat ends where two bends are at the two ends.
+
+    All bends are rows of one computation: XLA would compile each of them again.
+    """
+    xp = arrays.xp
     p, q = straight.p - base, straight.q - base
     margin = POLE * xp.maximum(xp.abs(straight.p), xp.abs(straight.q))
-    nearest = xp.full_like(p, NEAR)
-    at_p = at_q = both = xp.zeros_like(p, dtype=bool)
-    for kind, c0, c1, c2, when in bends:
-        c0, c1, c2 = (xp.asarray(c, dtype=xp.float64) for c in (c0, c1, c2))
-        zeros = _zeros(xp, kind, p, q, margin, c0, c1, c2, when)
-        if kind != "pole":
-            once = (zeros.near < xp.inf) & (zeros.at_p ^ zeros.at_q)
-            both = both | (once & xp.where(zeros.at_p, at_q, at_p))
-            at_p, at_q = at_p | (once & zeros.at_p), at_q | (once & zeros.at_q)
-        better = zeros.near < nearest
-        nearest = xp.where(better, zeros.near, nearest)
-        bent = arrays.choose(better, partial(_around, xp, kind), (p, q, base, *zeros[1:]), result[2:])
-        result = Substitution(straight.p, straight.q, *bent)
-    if len(bends) > 1:
+    nearest, both = _nearest(xp, _zeros(arrays, p, q, margin, bends))
+    kinds = frozenset(kind for kind, *_ in bends)
+    bent = arrays.choose(nearest.near < NEAR, partial(_around, xp, kinds), (p, q, base, *nearest[1:]), straight[2:])
+    if both is not None:
         flat = CUBIC, p + base, q - p, 0.0, 1.0
-        result = Substitution(straight.p, straight.q, *(xp.where(both, new, old) for new, old in zip(flat, result[2:], strict=True)))
-    return result
+        bent = tuple(xp.where(both, new, old) for new, old in zip(flat, bent, strict=True))
+    return Substitution(straight.p, straight.q, *bent)
+
+
+def _nearest(xp: Any, zeros: _Zeros) -> tuple[_Zeros, Any]:
+    """Returns the row of the nearest bend, and whether two bends are at the two ends, piece by piece; None if there is only one bend.
+
+    All that is asked of the bends is one table, which XLA computes once.
+    """
+    if zeros.near.shape[0] == 1:
+        return _Zeros(*(v if isinstance(v, bool) else v[0] for v in zeros)), None
+    once = (zeros.near < xp.inf) & (zeros.at_p ^ zeros.at_q) & xp.logical_not(zeros.pole)
+    answers = (once & zeros.at_p, once & zeros.at_q, *zeros[3:])
+    said: Any = sum(xp.where(answer, float(1 << k), 0.0) for k, answer in enumerate(answers))
+    table = xp.stack([xp.where(zeros.near < NEAR, zeros.near, xp.inf), zeros.m, zeros.h, said])
+    first = xp.argmin(table[0], axis=0)
+    mine = xp.arange(table.shape[1]).reshape(-1, *(1,) * first.ndim) == first
+    near, m, h, chosen = xp.sum(xp.where(mine, table, 0.0), axis=1)
+    given = [(chosen.astype(xp.int32) >> k) & 1 == 1 for k in range(2, len(answers))]
+    given = [old if isinstance(old, bool) else new for old, new in zip(zeros[3:], given, strict=True)]
+    at_p, at_q = (xp.any((table[3].astype(xp.int32) >> k) & 1 == 1, axis=0) for k in (0, 1))
+    return _Zeros(near, m, h, *given), at_p & at_q
 
 
 def _distance(xp: Any, y: Any, p: Any, q: Any) -> Any:
@@ -145,13 +161,17 @@ def _distance(xp: Any, y: Any, p: Any, q: Any) -> Any:
     return (xp.abs(y - p) + xp.abs(y - q)) * (2.0 / (q - p))
 
 
-def _zeros(xp: Any, kind: str, p: Any, q: Any, margin: Any, c0: Any, c1: Any, c2: Any, when: Any) -> _Zeros:
-    """Returns the zeros of a bend; a pole counts if it is farther than `margin` from the piece."""
+def _zeros(arrays: Arrays, p: Any, q: Any, margin: Any, bends: Sequence[Bend]) -> _Zeros:
+    """Returns the zeros of bends; a pole counts if it is farther than `margin` from the piece."""
+    xp = arrays.xp
+    c0, c1, c2 = (arrays.rows([xp.asarray(b[k], dtype=xp.float64) for b in bends], p) for k in (1, 2, 3))
+    when = arrays.rows([xp.asarray(b[4]) for b in bends], p)
+    pole, end = (_of_kind(arrays, kind, bends, p) for kind in ("pole", "end"))
     length, width = q - p, xp.maximum(xp.abs(p), xp.abs(q))
     linear = xp.abs(c2) * width * width <= 1e-13 * (xp.abs(c1) * width + xp.abs(c0))
     active = when & xp.isfinite(c0) & xp.isfinite(c1) & xp.isfinite(c2) & xp.isfinite(length)
     active = active & ~(linear & (xp.abs(c1) * width <= 1e-13 * xp.abs(c0)))
-    square, end = c1 * c1 - 4.0 * c0 * c2, END * length
+    square, nearby = c1 * c1 - 4.0 * c0 * c2, END * length
     paired = ~linear & (square < 0.0)
     larger = -0.5 * (c1 + xp.copysign(xp.sqrt(xp.abs(square)), c1))
     one, other = xp.where(linear, -c0 / c1, c0 / larger), xp.where(linear, -c0 / c1, larger / c2)
@@ -166,47 +186,71 @@ def _zeros(xp: Any, kind: str, p: Any, q: Any, margin: Any, c0: Any, c1: Any, c2
     to_below, to_above = _distance(xp, below, p, q), _distance(xp, above, p, q)
     to_pair = (xp.hypot(m - p, h) + xp.hypot(m - q, h)) * (2.0 / length)
     near = xp.where(paired, to_pair, xp.minimum(to_below, to_above))
-    at_p, at_q = (~paired & ((xp.abs(below - v) <= end) | (xp.abs(above - v) <= end)) for v in (p, q))
-    if kind == "pole":
+    at_p, at_q = (~paired & ((xp.abs(below - v) <= nearby) | (xp.abs(above - v) <= nearby)) for v in (p, q))
+    if pole is not True:  # the substitution would leave out what is beyond a zero
+        within = [(y > p + nearby) & (y < q - nearby) for y in (below, above)]
+        active = active & (paired | pole | ~(within[0] | within[1]))
+    if pole is not False:
         nearer = xp.where(to_below <= to_above, below, above)
-        active = active & (paired | (nearer < p - margin) | (nearer > q + margin))
-    else:  # the substitution would leave out what is beyond a zero
-        within = [(y > p + end) & (y < q - end) for y in (below, above)]
-        active = active & (paired | ~(within[0] | within[1]))
-    return _Zeros(xp.where(active, near, xp.inf), m, h, alone, paired, at_p, at_q)
+        active = active & (paired | xp.logical_not(pole) | (nearer < p - margin) | (nearer > q + margin))
+    return _Zeros(xp.where(active, near, xp.inf), m, h, alone, paired, at_p, at_q, pole, end)
 
 
-def _around(
-    xp: Any, bend: str, p: Any, q: Any, base: Any, m: Any, h: Any, alone: Any, paired: Any, at_p: Any, at_q: Any
-) -> tuple[Any, Any, Any, Any, Any]:
-    """Returns kind, centre, radius, start and step of the substitution around zeros."""
-    centre, below, above = 0.5 * (p + q), m - h, m + h
-    if bend == "pole":
-        nearer = xp.where(xp.abs(below - p) + xp.abs(below - q) <= xp.abs(above - p) + xp.abs(above - q), below, above)
-        m = xp.where(paired, m, nearer)
-        kind = xp.where(paired, SINH, EXP)
+def _of_kind(arrays: Arrays, kind: str, bends: Sequence[Bend], like: Any) -> Any:
+    """Returns whether bends are of a kind: one answer where all have the same."""
+    answers = [b[0] == kind for b in bends]
+    return answers[0] if len(set(answers)) == 1 else arrays.rows([arrays.xp.asarray(a) for a in answers], like)
+
+
+def _around(xp: Any, kinds: frozenset[str], p: Any, q: Any, base: Any, *zeros: Any) -> tuple[Any, Any, Any, Any, Any]:
+    """Returns kind, centre, radius, start and step of the substitution around `zeros`, all of _Zeros but the first, of bends of `kinds`."""
+    at = _Zeros(None, *zeros)
+    centre = 0.5 * (p + q)
+    if at.pole is False:
+        kind, m, h = _around_end(xp, centre, p, q, at)
+    elif at.pole is True:
+        kind, m, h = _around_pole(xp, p, q, at)
     else:
-        curved = xp.where(xp.abs(centre - m) <= h, SINE, COSH)
-        kind = xp.where(paired, SINH, xp.where(alone, SQUARE, curved))
-        if bend == "end":
-            kind = xp.where(~paired & (at_p ^ at_q), POWER, kind)
-        end = END * (q - p)
-        left = xp.where(at_p, xp.minimum(0.0, p - xp.where(xp.abs(above - p) <= end, above, below)), 0.0)
-        right = xp.where(at_q, xp.maximum(0.0, q - xp.where(xp.abs(below - q) <= end, below, above)), 0.0)
-        m = m + xp.where(kind == SINE, 0.5, 1.0) * (left + right)  # zeros at ends do not stay inside
-        h = h + xp.where(kind == SINE, 0.5, 0.0) * (right - left)
+        both = zip(_around_pole(xp, p, q, at), _around_end(xp, centre, p, q, at), strict=True)
+        kind, m, h = (xp.where(at.pole, one, other) for one, other in both)
     sign = xp.where((kind == SINH) | (kind == SINE) | (m <= centre), 1.0, -1.0)
-    sign = xp.where(kind == POWER, xp.where(at_p, 1.0, -1.0), sign)
+    size, middle = xp.where((kind == EXP) | (kind == SQUARE), 1.0, h), m
+    if "end" in kinds:
+        power = kind == POWER
+        sign = xp.where(power, xp.where(at.at_p, 1.0, -1.0), sign)
+        size, middle = xp.where(power, q - p, size), xp.where(power, xp.where(at.at_p, p, q), m)
 
     def inverse(v: Any, at_power: Any) -> Any:
         t = sign * (v - m)
         s = t / h
-        result = xp.where(kind == SQUARE, xp.sqrt(xp.maximum(0.0, t)), xp.where(kind == EXP, xp.log(t), at_power))
-        result = xp.where(kind == SINH, xp.arcsinh(s), xp.where(kind == SINE, xp.arcsin(xp.clip(s, -1.0, 1.0)), result))
-        return xp.where(kind == COSH, xp.arccosh(xp.maximum(1.0, s)), result)
+        result = at_power if "end" in kinds else t
+        if at.pole is not False:
+            result = xp.where(kind == EXP, xp.log(t), result)
+        if at.pole is not True:
+            result = xp.where(kind == SQUARE, xp.sqrt(xp.maximum(0.0, t)), result)
+            result = xp.where(kind == SINE, xp.arcsin(xp.clip(s, -1.0, 1.0)), result)
+            result = xp.where(kind == COSH, xp.arccosh(xp.maximum(1.0, s)), result)
+        return xp.where(kind == SINH, xp.arcsinh(s), result)
 
-    start = inverse(p, xp.where(at_p, 0.0, 1.0))
-    step = inverse(q, xp.where(at_p, 1.0, 0.0)) - start
-    size = xp.where((kind == EXP) | (kind == SQUARE), 1.0, xp.where(kind == POWER, q - p, h))
-    middle = base + xp.where(kind == POWER, xp.where(at_p, p, q), m)
-    return kind, middle, sign * size, start, step
+    start = inverse(p, xp.where(at.at_p, 0.0, 1.0))
+    return kind, base + middle, sign * size, start, inverse(q, xp.where(at.at_p, 1.0, 0.0)) - start
+
+
+def _around_pole(xp: Any, p: Any, q: Any, at: _Zeros) -> tuple[Any, Any, Any]:
+    """Returns kind, m and h around a pole: its nearer zero, or both that are paired."""
+    below, above = at.m - at.h, at.m + at.h
+    nearer = xp.where(xp.abs(below - p) + xp.abs(below - q) <= xp.abs(above - p) + xp.abs(above - q), below, above)
+    return xp.where(at.paired, SINH, EXP), xp.where(at.paired, at.m, nearer), at.h
+
+
+def _around_end(xp: Any, centre: Any, p: Any, q: Any, at: _Zeros) -> tuple[Any, Any, Any]:
+    """Returns kind, m and h around zeros at which a root or a power ends. Zeros at ends of the piece do not stay inside."""
+    below, above, nearby = at.m - at.h, at.m + at.h, END * (q - p)
+    curved = xp.where(xp.abs(centre - at.m) <= at.h, SINE, COSH)
+    kind = xp.where(at.paired, SINH, xp.where(at.alone, SQUARE, curved))
+    if at.end is not False:
+        kind = xp.where(at.end & ~at.paired & (at.at_p ^ at.at_q), POWER, kind)
+    left = xp.where(at.at_p, xp.minimum(0.0, p - xp.where(xp.abs(above - p) <= nearby, above, below)), 0.0)
+    right = xp.where(at.at_q, xp.maximum(0.0, q - xp.where(xp.abs(below - q) <= nearby, below, above)), 0.0)
+    sine = kind == SINE
+    return kind, at.m + xp.where(sine, 0.5, 1.0) * (left + right), at.h + xp.where(sine, 0.5, 0.0) * (right - left)

@@ -56,8 +56,6 @@ TOO_MANY_PARAMETERS = {
     "backends/numpy/adaptive.py AdaptiveIntegral._search",
     "backends/numpy/integrals.py Integral.__call__",
     "backends/numpy/integrals.py Integral._pieces",
-    "backends/shared/bends.py _around",
-    "backends/shared/bends.py _zeros",
     "backends/shared/bends.py substitution",
     "backends/shared/poles.py pole_at",
     "backends/shared/polygons.py least_and_most",
