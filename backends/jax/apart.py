@@ -32,7 +32,7 @@ CHEAP = frozenset({
     "expand_dims", "floor", "ceil", "round", "gather", "ge", "gt", "integer_pow", "iota", "is_finite", "le", "lt", "max", "min",
     "mul", "ne", "neg", "nextafter", "not", "or", "pad", "population_count", "rem", "reshape", "rev", "select_n", "shift_left",
     "shift_right_arithmetic", "shift_right_logical", "sign", "slice", "dynamic_slice", "split", "square", "squeeze",
-    "stop_gradient", "sub", "transpose", "xor",
+    "stop_gradient", "sub", "teg_places", "transpose", "xor",
 })  # fmt: skip
 """What is copied into every kernel that needs it."""
 COSTLY = frozenset({

@@ -12,9 +12,12 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
+from jax.extend.core import Primitive
+from jax.interpreters import batching, mlir
 
 AT_A_TIME = 8
 """Numbers that XLA joins in the kernel that computes them; more have a kernel each, and one that joins them."""
@@ -103,15 +106,54 @@ def columns(of: Sequence[Sequence[Any]]) -> list[Columns]:
             numbers.append(k)
             places.append([e.place for e in known if e is not None])
         else:
-            values = [jnp.asarray(v) for v in column]
-            kind = jnp.result_type(*values)
+            kind = jnp.result_type(*(jnp.asarray(v) for v in column))
             numbers, stacks = others.setdefault(kind, ([], []))
             numbers.append(k)
-            stacks.append([v.astype(kind) for v in values])
-    found = [
-        Columns(tuple(numbers), array_of([v for row in zip(*stacks, strict=True) for v in row]).reshape(-1, len(numbers)))
-        for numbers, stacks in others.values()
-    ]
+            stacks.append(list(column))
+    found = [Columns(tuple(numbers), _table(stacks, kind)) for kind, (numbers, stacks) in others.items()]
     for array, numbers, places in together.values():
         found.append(Columns(tuple(numbers), array.at[np.array(places).T].get(mode="promise_in_bounds")))
     return found
+
+
+def _table(of: Sequence[Sequence[Any]], kind: Any) -> Any:
+    """The array of columns of numbers of one type, (rows, columns). Of few numbers that stand often each is stacked once, and read from
+    there: those that are stacked are computed eight by eight, in a kernel each."""
+    numbers = [v for row in zip(*of, strict=True) for v in row]
+    keys = [repr(v) if isinstance(v, bool | int | float) else id(v) for v in numbers]
+    distinct = dict(zip(keys, numbers, strict=True))
+    if 2 * len(distinct) > len(numbers):
+        return array_of([jnp.asarray(v).astype(kind) for v in numbers]).reshape(-1, len(of))
+    literals = np.array([v for k, v in distinct.items() if isinstance(k, str)], kind)
+    traced = [(k, jnp.asarray(v).astype(kind)) for k, v in distinct.items() if not isinstance(k, str)]
+    values = jnp.concatenate([*([array_of([v for _, v in traced])] if traced else []), literals])
+    order = {k: i for i, k in enumerate([*(k for k, _ in traced), *(k for k in distinct if isinstance(k, str))])}
+    places = np.array([order[k] for k in keys]).reshape(-1, len(of))
+    return places_p.bind(values, places=tuple(map(tuple, places.tolist())))
+
+
+# -- numbers at places that are known ----------------------------------------------------------------------------------
+
+places_p: Any = Primitive("teg_places")
+
+
+def _sliced(values: Any, *, places: tuple[tuple[int, ...], ...]) -> Any:
+    """The numbers at places of the last axis, (…, rows, columns), by slices: accelerators gather slowly."""
+    rows = [jnp.concatenate([lax.slice_in_dim(values, k, k + 1, axis=-1) for k in row], axis=-1) for row in places]
+    return jnp.stack(rows, axis=-2)
+
+
+def _gathered(values: Any, *, places: tuple[tuple[int, ...], ...]) -> Any:
+    """The same by a gather, which on CPUs is a load in each kernel that needs it."""
+    return values.at[..., np.array(places)].get(mode="promise_in_bounds")
+
+
+def _mapped(operands: Sequence[Any], axes: Sequence[Any], *, places: tuple[tuple[int, ...], ...]) -> tuple[Any, int]:
+    return places_p.bind(jnp.moveaxis(operands[0], axes[0], 0), places=places), 0
+
+
+places_p.def_impl(_gathered)
+places_p.def_abstract_eval(lambda values, places: jax.core.ShapedArray((*values.shape[:-1], *np.shape(places)), values.dtype))
+batching.primitive_batchers[places_p] = _mapped
+mlir.register_lowering(places_p, mlir.lower_fun(_sliced, multiple_results=False))
+mlir.register_lowering(places_p, mlir.lower_fun(_gathered, multiple_results=False), platform="cpu")

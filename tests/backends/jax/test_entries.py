@@ -61,3 +61,32 @@ def test_numbers_are_forgotten() -> None:
     del numbers
     gc.collect()
     assert len(entries._ENTRIES) == before
+
+
+def test_few_numbers_that_stand_often_are_stacked_once() -> None:
+    def table(a: Any, b: Any, c: Any) -> Any:
+        (columns,) = entries.columns([(a, b, 2.0), (b, -0.0, 0.0), (c, c, b), (2.0, a, b)])
+        assert columns.numbers == (0, 1, 2, 3)
+        return columns.rows
+
+    def expected(a: float, b: float, c: float) -> list[list[float]]:
+        return [[a, b, c, 2.0], [b, -0.0, c, a], [2.0, 0.0, b, b]]
+
+    for function in (table, jax.jit(table)):
+        found = np.asarray(function(*map(jnp.float64, (1.5, 3.0, 7.0))))
+        np.testing.assert_array_equal(found, expected(1.5, 3.0, 7.0))
+        np.testing.assert_array_equal(np.signbit(found), np.signbit(expected(1.5, 3.0, 7.0)))
+    many = jax.jit(jax.vmap(table, in_axes=(0, None, 0)))(jnp.array([1.0, 2.0]), jnp.float64(3.0), jnp.array([4.0, 5.0]))
+    np.testing.assert_array_equal(many, [expected(1.0, 3.0, 4.0), expected(2.0, 3.0, 5.0)])
+
+
+@pytest.mark.parametrize(("platform", "gathers"), [("cpu", True), ("cuda", False)])
+@pytest.mark.parametrize("batch", [(), (5,)], ids=["one", "batch"])
+def test_accelerators_gather_no_numbers_of_tables(platform: str, gathers: bool, batch: tuple[int, ...]) -> None:
+    def table(a: Any, b: Any) -> Any:
+        return entries.columns([(a, b, a), (b, a, a), (True, a, b)])[0].rows
+
+    function = jax.vmap(table) if batch else table
+    operands = [jax.ShapeDtypeStruct(batch, np.dtype(bool))] * 2
+    text = jax.jit(function).trace(*operands).lower(lowering_platforms=(platform,)).as_text()
+    assert ("gather" in text) is gathers
