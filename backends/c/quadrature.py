@@ -245,8 +245,7 @@ def _halved_or_accepted(tested: int, watched: int, whole: str, guarded: bool) ->
     """
     again = [] if watched else ["if (used == 1) {", *indent("waiting[n++] = here;", "continue;"), "}"]
     unchanged = "!changed && !hidden && " if watched else ""
-    larger = "hidden_size[j] > measured[8 * j + 1] && hidden_size[j] < INFINITY"
-    hidden = f"if (isnan(hidden_size[j]) || ({larger})) measured[8 * j + 1] = isnan(hidden_size[j]) ? INFINITY : hidden_size[j];"
+    hidden = "if (!(hidden_size[j] <= measured[8 * j + 1])) measured[8 * j + 1] = isnan(hidden_size[j]) ? INFINITY : hidden_size[j];"
     diverges = f"{unchanged}isfinite(measured[8 * j + 1]) && measured[8 * j + 7] > TEG_DIVERGENT * {whole}"
     return [
         "if (!good && !last) {",
@@ -295,7 +294,7 @@ def _searched(guard: GuardText, place: Sequence[str], tested: int, above: str, t
             *end("right", "second", "second < 1.0"),
             *guard.block,
             "const int endless = !isfinite(right - left);",
-            "const int inside = (endless || (first > 0.0 && second < 1.0)) && here.depth < TEG_GUARD_DEPTH;",
+            "const int inside = endless || (first > 0.0 && second < 1.0 && here.depth < TEG_GUARD_DEPTH);",
             f"const int unseen = teg_matters({tested}, f, right - left, measured, {above}, {tol})",
             f"    && teg_unseen({guard.sharp}, f + {tested}, seen_at, nodes, gap, inside, endless);",
             f"if (gap < 0) {_each(tested, 'hidden_size[j] = f[j] * (right - left);')}",

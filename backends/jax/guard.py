@@ -52,11 +52,11 @@ class Guard(NamedTuple):
         known = jnp.concatenate([_least(seen)[None], beside])
         upper, lower = found[:, tested : tested + self.sharp], found[:, tested + self.sharp :]
         large = is_unseen(jnp, upper, lower, known, (~finite & ~whole)[:, None])
-        inside = (~finite | ((jnp.concatenate([u[:1], u[:-1]]) > 0.0) & (u < 1.0))) & (depth < GUARD_DEPTH)
+        inside = ~finite | ((jnp.concatenate([u[:1], u[:-1]]) > 0.0) & (u < 1.0) & (depth < GUARD_DEPTH))
         counts = ~jnp.isposinf(upper) | (inside | whole)[:, None]
         unseen = jnp.any(large & counts, axis=1) & matters
         hidden = sizes[0] * length[0]
-        return unseen[0] & jnp.any(unseen[1:]), jnp.where(jnp.isinf(hidden), 0.0, jnp.where(jnp.isnan(hidden), jnp.inf, hidden))
+        return unseen[0] & jnp.any(unseen[1:]), jnp.where(jnp.isnan(hidden), jnp.inf, hidden)
 
 
 def _least(seen: Any) -> Any:

@@ -57,20 +57,19 @@ class Guard:
         wanted = np.tile(enough, (1, gaps))
         found, endless = self._unseen(run, flat, lower, upper, largest.reshape(self.sharp, -1), wanted, gaps=True)
         found, endless = found.reshape(gaps, -1), endless.reshape(gaps, -1)
-        if depth >= GUARD_DEPTH:
-            endless[:] = False
-        endless[0] &= (ends[0][asked] > 0.0) | np.isinf(points[0])
-        endless[-1] &= (ends[1][asked] < 1.0) | np.isinf(points[-1])
+        shallow = depth < GUARD_DEPTH
+        endless[1:-1] &= shallow
+        endless[0] &= (shallow & (ends[0][asked] > 0.0)) | np.isinf(points[0])
+        endless[-1] &= (shallow & (ends[1][asked] < 1.0)) | np.isinf(points[-1])
         hidden[asked] = (found | endless).any(axis=0)
         return hidden
 
     def hidden(self, run: Any, places: Substitution, values: Sequence[Any], ends: tuple[Array, Array], tested: int) -> Array:
-        """Returns bounds of the integrals of |tested value| over intervals, (tested, intervals): 0 where they are infinite, as they are
-        beside integrable singularities, infinite where they are not known."""
+        """Returns bounds of the integrals of |tested value| over intervals, (tested, intervals), infinite where they are not known."""
         left, right = (self._place(places, u) for u in ends)
         sizes = self.block(run, left, right, *values)[:tested]
         bounds = np.stack([np.broadcast_to(size * (right - left), left.shape) for size in sizes])
-        return np.where(np.isinf(bounds), 0.0, np.where(np.isnan(bounds), np.inf, bounds))
+        return np.where(np.isnan(bounds), np.inf, bounds)
 
     def _place(self, places: Substitution, u: Array) -> Array:
         """Returns the place of u; the ends of a piece are its own."""

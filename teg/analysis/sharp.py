@@ -28,11 +28,11 @@ from teg.analysis.evaluate import folded, values_of
 from teg.analysis.intervals import Enclosure, Interval
 from teg.analysis.polynomial import Degrees
 from teg.errors import NotDifferentiableError
-from teg.ir.expr import MINUS_ONE, ONE, ZERO, Call, Compare, Const, Expr, Param, Pow, Var, const
+from teg.ir.expr import MINUS_ONE, ONE, ZERO, Call, Compare, Cond, Const, Expr, Param, Pow, Var, const
 from teg.ir.function import Apply
 from teg.ir.integral import Integral, PointMasses
 from teg.ir.node import Node, postorder
-from teg.ir.simplify import add, call, integer_power, mul, positive, sub, where
+from teg.ir.simplify import add, call, div, integer_power, mul, positive, sub, where
 from teg.ir.traverse import fresh, rewrite_below, substitute
 from teg.program import UNSEEN
 
@@ -41,6 +41,8 @@ LARGE_POWER = 16
 
 A negative power of a linear or quadratic function has its own treatment as a pole.
 """
+LOST = 2.0**-80
+"""The square of the largest distance of complex roots, in parts of their real part, that rounding hides from the treatment of poles."""
 SATURATED = 1e-13
 """Added to the slopes of tanh and erf. Where the slope is lost in the rounding of 1 the step is not narrow."""
 FAR_ARGUMENT = 3.0
@@ -113,15 +115,29 @@ def sharp_value(node: Expr, x: Var, degrees: Degrees, poles: int) -> Sharp | Non
                 k == -1 and isinstance(u, Call) and u.name in ("sqrt", "root")
             ):  # as singular as the nodes can resolve, and treated as a singularity
                 return None
-            if 0 < k <= LARGE_POWER or (-LARGE_POWER <= k < 0 and poles <= 1 and degrees.of(u, x) in (1, 2)):
+            degree = degrees.of(u, x) if -LARGE_POWER <= k < 0 and poles <= 1 else None
+            if 0 < k <= LARGE_POWER or degree == 1:
                 return None
-            return Sharp(node, node if k % 2 == 0 else call("magnitude", node), u, const(k), power=True)
+            size: Expr = node if k % 2 == 0 else call("magnitude", node)
+            if degree == 2:
+                size = where(_is_lost(u, x), size, ONE)
+            return Sharp(node, size, u, const(k), power=True) if x in size.free else None
         case Apply():
             return None if node.degree is not None else Sharp(node, call("magnitude", node), node, None)
         case Call():
             return _sharp_call(node, x, degrees)
         case _:
             return None
+
+
+def _is_lost(u: Expr, x: Var) -> Cond:
+    """Returns whether the complex roots of a quadratic function are so near to each other that few numbers lie beside them: then the
+    treatment of poles does not resolve the peak between them."""
+    rate = slope(u, x)
+    curvature = slope(rate, x)
+    middle = div(mul(MINUS_ONE, cast(Expr, substitute(rate, {x: ZERO}))), curvature)
+    apart = div(mul(const(2.0), cast(Expr, substitute(u, {x: middle}))), curvature)
+    return positive(sub(mul(const(LOST), integer_power(middle, 2)), apart))
 
 
 def _sharp_call(node: Call, x: Var, degrees: Degrees) -> Sharp | None:

@@ -16,14 +16,16 @@ from itertools import pairwise
 from typing import cast
 
 from teg.analysis.breaks import BreakAnalysis
+from teg.analysis.endless import bound_to_infinity
 from teg.analysis.intervals import Enclosure, Interval
 from teg.analysis.polynomial import Degrees
 from teg.analysis.sharp import LARGEST, Sharp, bounds, numeric_range, range_of, sharp_value, sharp_values, sizes, tame_ones
 from teg.analysis.surfaces import binders_inside
+from teg.analysis.tails import is_unbounded
 from teg.ir.expr import ZERO, Compare, Const, Expr, Var, Where, const
 from teg.ir.integral import Integral
 from teg.ir.node import Node, postorder
-from teg.ir.simplify import positive, sub, where
+from teg.ir.simplify import mul, positive, sub, where
 from teg.ir.traverse import fresh, rewrite, substitute
 from teg.numerics.quadrature import gauss_legendre
 from teg.passes.lower.emit import Emitter
@@ -57,11 +59,13 @@ class Peak:
 
 @dataclass(frozen=True)
 class Bounded:
-    """A sharp value: its value at a node, and its bounds over the box of the guard."""
+    """A sharp value: its value at a node, and its bounds over the box of the guard; another upper bound of a box that reaches to infinity,
+    NaN where it is not known."""
 
     seen: Arg
     upper: Expr
     lower: Expr
+    endless: Expr | None = None
 
 
 class Guards:
@@ -72,8 +76,12 @@ class Guards:
         self.degrees = Degrees()
         self.peaks: dict[Integral, tuple[Peak, ...]] = {}
 
-    def guard(self, bodies: Sequence[Expr], x: Var, known: Sequence[Sharp], level: Level, home: Level, gap: float | None) -> Guard | None:
-        """Returns the guard of integrands in x that share a loop, with these sharp values of their own and those of inner integrals."""
+    def guard(
+        self, group: Sequence[Integral], weight: Expr, known: Sequence[Sharp], level: Level, home: Level, gap: float | None
+    ) -> Guard | None:
+        """Returns the guard of integrals that share a loop, with these sharp values of their own and those of inner integrals; integrands
+        are multiplied by the weight."""
+        x, bodies = group[0].var, [mul(weight, i.body) for i in group]
         taken = frozenset[Var]().union(*(b.free for b in bodies), *(s.value.free for s in known))
         left, right = fresh(x.name + "₋", taken), fresh(x.name + "₊", taken)
         boxed = Enclosure({x: (left, right)})
@@ -84,7 +92,8 @@ class Guards:
         for sharp in known:
             settled = replace(sharp, value=on_piece.of(sharp.value), argument=on_piece.of(sharp.argument))
             if (b := bounds(settled, boxed)) is not None:
-                found.append(Bounded(self.out.number(sharp.value, level), *b))
+                endless = bound_to_infinity(settled.value, b[1], x, boxed.box) if is_unbounded(group[0]) else None
+                found.append(Bounded(self.out.number(sharp.value, level), *b, endless))
         for peak in inside:
             sharp = cast(Sharp, sharp_value(peak.node, x, self.degrees, 2))
             slices = [_around(peak, {x: ends}) for ends in ((left, right), (x, x))]
@@ -100,10 +109,19 @@ class Guards:
         at_left = levels[-1].inside(left, names[0])
         at_both = at_left.inside(right, names[1])
         extents = tuple(self.out.number(e, at_both) for e in sizes([on_piece.of(b) for b in bodies], boxed))
-        upper_names = tuple(self.out.number(b.upper, at_both) for b in found)
+        upper_names = tuple(self._least(b, at_both) for b in found)
         lower_names = tuple(self.out.number(b.lower, at_both) for b in found)
         block = tuple(s for at in (*levels[1:], at_left, at_both) for s in at.block)
         return Guard(*names, block, extents, upper_names, lower_names, tuple(b.seen for b in found))
+
+    def _least(self, found: Bounded, level: Level) -> Arg:
+        """Returns the name of the least upper bound."""
+        upper = self.out.number(found.upper, level)
+        if found.endless is None:
+            return upper
+        endless = self.out.number(found.endless, level)
+        known = self.out.assign(level, "ok", endless)
+        return self.out.assign(level, "select", known, self.out.assign(level, "min", upper, endless), upper)
 
     def not_tame(self, known: Sequence[Sharp], x: Var, gap: float | None) -> list[Sharp]:
         """Returns the sharp values that may change much between neighbouring nodes in x."""

@@ -270,7 +270,7 @@ class _Integrals:
         poles = sum(b.kind == "pole" for b in bends)
         gap = None if bends or is_unbounded(group[0]) else widest_gap(rule)
         known = self._without_peaks(group, sharp_values(bodies, x, self.out.binders(bodies), self.guards.degrees, poles))
-        return self.guards.guard([mul(weight, b) for b in bodies], x, self.guards.not_tame(known, x, gap), level, home, gap)
+        return self.guards.guard(group, weight, self.guards.not_tame(known, x, gap), level, home, gap)
 
     def _without_peaks(self, group: Sequence[Integral], known: Sequence[Sharp]) -> list[Sharp]:
         """Returns the sharp values without narrow Gaussians (exponentials of quadratics that open downwards), which are breaks."""

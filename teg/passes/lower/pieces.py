@@ -3,6 +3,7 @@
 bends      where the integrand turns into another branch, or has a pole: coordinates follow them
 watched    signs of conditions that may change where no break is known
 peaks      narrow Gaussians, which the nodes of the whole range would miss
+centres    around which an integrand on an infinite range has its features
 scale      the length on which tails fall off
 """
 
@@ -10,10 +11,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import combinations
 from typing import cast
 
 from teg.analysis.breaks import MAX_BENDS, Breaks
 from teg.analysis.calculus import slope
+from teg.analysis.centres import Centres
 from teg.analysis.polynomial import Shadow
 from teg.analysis.projection import Turn
 from teg.analysis.roots import local_origin
@@ -29,11 +32,15 @@ from teg.passes.lower.emit import NAN, Emitter
 from teg.passes.lower.levels import Level
 from teg.passes.lower.roots import Roots
 from teg.passes.lower.rules import Rules
-from teg.program import TIE_EPS, Arg, Bend, Rule
+from teg.program import TIE_EPS, Adaptive, Arg, Bend, Rule
 
 MAX_SCALES = 4
 PEAK = 8.5
 """A Gaussian is 0 to rounding beyond this many standard deviations: exp(-8.5²/2) = 2e-16."""
+NEAR = 8.0
+"""A centre that is nearer than so many of its widths to a bound, or to another centre, is seen by the nodes around that."""
+NARROW = 1 / 64
+"""The largest width of a centre on a finite range, as a fraction of it, beside which a range is cut."""
 
 
 class Pieces:
@@ -42,6 +49,7 @@ class Pieces:
     def __init__(self, out: Emitter, rules: Rules, roots: Roots) -> None:
         self.out, self.rules, self.roots = out, rules, roots
         self.analysis = rules.analysis
+        self.centres = Centres(self.analysis.degrees, self.analysis.key)
 
     def of(self, group: Sequence[Integral], home: Level, when: str | None) -> tuple[Arg, Arg, tuple[Arg, ...]]:
         """Returns the lower bound, the upper bound, and the breaks between them."""
@@ -49,9 +57,7 @@ class Pieces:
         analysis = self.analysis.of(node)
         lo, hi = self.out.number(node.lo, home), self.out.number(node.hi, home)
         breaks = tuple(self.out.number(p, home) for p in analysis.points)
-        if all(infinite_ends(node)):
-            breaks += (0.0,)
-        breaks += self._peaks(group, home)
+        breaks += self._peaks(group, home) + self._centres(group, home)
         ends = [turn for turn in analysis.bends if turn.kind == "end"]
         if not is_unbounded(node) and (len(ends) > 1 or any(Shadow((node.var,)).degree(turn.function) == 2 for turn in ends)):
             breaks += (self.out.number(mul(const(0.5), add(node.lo, node.hi)), home),)  # no piece is singular at both ends
@@ -147,10 +153,53 @@ class Pieces:
                 places.append(self.out.number(where(narrow, place, const(math.nan)), home))
         return tuple(places)
 
+    def _centres(self, group: Sequence[Integral], home: Level) -> tuple[Arg, ...]:
+        """Returns the centres of integrands on an infinite range, without those that are near a bound or another centre, so that nodes see
+        them anyway. A range that is infinite on both sides has at least one break, 0 if no centre is a number.
+
+        On a finite range the centres of infinite integrals inside count where they are narrow.
+        """
+        node, out = group[0], self.out
+        if all(self.rules.is_exact(i, home.depth) for i in group):
+            return (0.0,) if all(infinite_ends(node)) else ()
+        if not is_unbounded(node):
+            return self._narrow_centres(group, home)
+        known: list[Arg] = [out.number(b, home) for b, end in zip((node.lo, node.hi), infinite_ends(node), strict=True) if not end]
+        places: list[Arg] = []
+        for centre in dict.fromkeys(c for i in group for c in self.centres.of(i)):
+            place, width = out.number(centre.place, home), out.number(centre.width, home)
+            if not known:
+                place = out.assign(home, "select", out.assign(home, "ok", place), place, 0.0)
+            near = out.assign(home, "mul", NEAR, width)
+            for other in known:
+                far = out.assign(home, "gt0", out.assign(home, "sub", out.assign(home, "abs", out.assign(home, "sub", place, other)), near))
+                place = out.assign(home, "select", far, place, NAN)
+            known.append(place)
+            places.append(place)
+        if any(self.centres.met(i) for i in group):
+            places += self._between(known, home)
+        return tuple(places) if known else (0.0,)
+
+    def _narrow_centres(self, group: Sequence[Integral], home: Level) -> tuple[Arg, ...]:
+        """Returns the places where centres of infinite inner integrals meet, those of less than NARROW of a finite range."""
+        node, out = group[0], self.out
+        places: list[Arg] = []
+        for centre in dict.fromkeys(c for i in group for c in self.centres.met(i)):
+            narrow = positive(sub(mul(const(NARROW), call("magnitude", sub(node.hi, node.lo))), centre.width))
+            places.append(out.number(where(narrow, centre.place, const(math.nan)), home))
+        return (*places, *self._between(places, home))
+
+    def _between(self, places: Sequence[Arg], home: Level) -> list[Arg]:
+        """Returns the middle of each pair of places: a piece has one bend, so it ends at one centre only."""
+        pairs = combinations(places, 2)
+        return [self.out.assign(home, "mul", 0.5, self.out.assign(home, "add", one, other)) for one, other in pairs]
+
     def scale(self, group: Sequence[Integral], home: Level) -> Arg:
-        """Returns the length of tails, on which an exponential in the integrands falls off; 1 if there is none."""
+        """Returns the length of tails, on which an exponential in the integrands falls off; else the least width of a centre; 1 if there is
+        none."""
         linear, quadratic = self.exponentials(group)
         scales = [div(ONE, call("magnitude", rate)) for rate in linear] + [div(ONE, call("root", c)) for _, c in quadratic]
+        scales = scales or [c.width for i in group for c in self.centres.of(i)]
         smallest = [self.out.number(s, home) for s in dict.fromkeys(scales)]
         least: Arg = 1.0
         for i, s in enumerate(smallest):
@@ -186,6 +235,10 @@ class Pieces:
             holds = self.out.truths(turn.when, cast(Level, level.middle))[0]
             if holds is not False or operand is not None:
                 bends.append(Bend(turn.kind, cast("tuple[Arg, Arg, Arg]", numbers), holds))
+        met = [c for i in group for c in self.centres.met(i)] if isinstance(rule, Adaptive) else []
+        for centre in list(dict.fromkeys(met))[: MAX_BENDS - len(bends)]:  # as narrow as if there were poles beside it
+            for side in (sub(centre.place, centre.width), add(centre.place, centre.width)):
+                bends.append(Bend("pole", (self.out.number(sub(base, side), home), 1.0, 0.0)))
         return self.out.number(base, home) if bends else 0.0, tuple(bends)
 
     def watched(self, bodies: Sequence[Expr], level: Level) -> tuple[str, ...]:

@@ -225,12 +225,11 @@ class _Piece:
         return _Measured(totals, sizes, errors, changed, hidden, seen)
 
     def _hidden(self, guard: Guard, way: Substitution, start: float, stop: float) -> list[float]:
-        """Returns bounds of the integrals of |tested value| over an interval: 0 where they are infinite, as they are beside integrable
-        singularities, infinite where they are not known."""
+        """Returns bounds of the integrals of |tested value| over an interval, infinite where they are not known."""
         left, right = _place(way, start), _place(way, stop)
         sizes = self.machine.at(guard.block, guard.sizes, **{guard.left: left, guard.right: right})
         bounds = [size * (right - left) for size in sizes]
-        return [0.0 if math.isinf(bound) else math.inf if math.isnan(bound) else bound for bound in bounds]
+        return [math.inf if math.isnan(bound) else bound for bound in bounds]
 
     def _hides(
         self, guard: Guard, way: Substitution, interval: tuple[float, float, int], seen: list[list[float]], wanted: list[float]
@@ -261,7 +260,8 @@ class _Piece:
             nodes = [seen[k] for k in (gap - 1, gap) if 0 <= k < n]
             at_end = math.isfinite(right - left) and ((gap == 0 and start <= 0.0) or (gap == n and stop >= 1.0))
             most = [_larger(nodes[0][i], nodes[-1][i]) for i in sharp]
-            if unseen(left, right, most, not at_end and depth < GUARD_DEPTH, True):
+            endless_counts = not at_end and (depth < GUARD_DEPTH or math.isinf(right - left))
+            if unseen(left, right, most, endless_counts, True):
                 return True
         return False
 

@@ -1,0 +1,152 @@
+"""Centres of smooth integrands: places around which an integrand on an infinite range has its features, however far away they are.
+
+    exp u, cosh u, f(u) …    u = a·x + b           the root of u, and the width 1/|a|
+                             u quadratic in x      its stationary point v, and the width |u″|^-½
+    1/u, √u, log u …         u quadratic in x      v, and the distance |u(v)/(½u″)|^½ of the complex roots
+
+The sum of two centres of an infinite inner integral is seen from outside: where they meet, as functions of an outer variable, or where one
+meets a finite bound of the inner range, the outer integrand has a centre. So ∫ dy ∫ f(x - t)·g(y - x) dx has the centre y = t. Polynomials
+in front of functions, sines and cosines have no centres. Linear in the size of the integrand, but for pairs of at most MAX_CENTRES.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import combinations
+from typing import cast
+
+from teg.analysis.calculus import slope
+from teg.analysis.polynomial import Degrees
+from teg.analysis.surfaces import binders_inside
+from teg.analysis.tails import infinite_ends, is_unbounded
+from teg.ir.expr import MINUS_ONE, ONE, ZERO, Call, Compare, Expr, Pow, Var, const
+from teg.ir.function import Apply
+from teg.ir.integral import Integral
+from teg.ir.node import Node
+from teg.ir.simplify import add, call, div, mul, sub
+from teg.ir.traverse import substitute
+
+MAX_CENTRES = 4
+"""The largest number of centres of one integral."""
+STEEP = 16
+"""The largest positive power that has no centre by itself: it is a polynomial in front of what decays."""
+_WAVES = frozenset(("sin", "cos", "floor", "mod"))
+_EXPONENTIAL = frozenset(("exp", "expm1", "cosh", "sinh", "tanh", "erf", "erfc"))
+
+
+@dataclass(frozen=True)
+class Centre:
+    """A place, and the length on which the integrand changes around it."""
+
+    place: Expr
+    width: Expr
+
+
+class Centres:
+    """The centres of the integrals of one program. `key` returns equal keys for functions that are proportional by a number."""
+
+    def __init__(self, degrees: Degrees, key: Callable[[Expr], object]) -> None:
+        self.degrees, self.key = degrees, key
+        self._of: dict[Integral, tuple[Centre, ...]] = {}
+        self._met: dict[Integral, tuple[Centre, ...]] = {}
+
+    def of(self, node: Integral) -> tuple[Centre, ...]:
+        """Returns the centres of an integrand. The recursion is as deep as integrals are nested."""
+        if node not in self._of:
+            found = {self.key(u): (u, exponential) for u, exponential in reversed(list(self._arguments(node)))}
+            own = [self._centre(u, node.var, exponential) for u, exponential in reversed(list(found.values()))]
+            self._of[node] = tuple(dict.fromkeys([*own, *self.met(node)]))[:MAX_CENTRES]
+        return self._of[node]
+
+    def met(self, node: Integral) -> tuple[Centre, ...]:
+        """Returns the places where centres of infinite integrals inside of an integrand meet."""
+        if node not in self._met:
+            x, outside = node.var, binders_inside(node.body)
+            found: dict[object, Centre] = {}
+            for inner in _integrals(node.body, x):
+                for first, second in self._pairs(inner):
+                    apart = sub(first.place, second.place)
+                    if not apart.free & outside and self.degrees.of(apart, x) == 1:
+                        rate = call("magnitude", self._at_0(slope(apart, x), x))
+                        width = div(add(first.width, second.width), rate)
+                        found.setdefault(self.key(apart), Centre(self._root(apart, x), width))
+            self._met[node] = tuple(found.values())[:MAX_CENTRES]
+        return self._met[node]
+
+    def _pairs(self, inner: Integral) -> Iterator[tuple[Centre, Centre]]:
+        """Yields the pairs of places of an infinite integral of which one at least is a centre."""
+        if not is_unbounded(inner):
+            return
+        centres = self.of(inner)
+        yield from combinations(centres, 2)
+        bounds = [b for b, end in zip((inner.lo, inner.hi), infinite_ends(inner), strict=True) if not end]
+        yield from ((c, Centre(b, ZERO)) for c in centres for b in bounds)
+
+    def _arguments(self, node: Integral) -> Iterator[tuple[Expr, bool]]:
+        """Yields the largest linear and quadratic arguments of functions in an integrand, and whether an exponential takes each."""
+        x, inner = node.var, binders_inside(node.body)
+        seen: set[tuple[Node, str]] = set()
+        stack: list[tuple[Node, str]] = [(node.body, "")]
+        while stack:
+            e, around = stack.pop()
+            if (e, around) in seen or x not in e.free or isinstance(e, Compare):
+                continue
+            seen.add((e, around))
+            degree = self.degrees.of(e, x) if around and isinstance(e, Expr) else None
+            if degree in (1, 2):  # a part of a polynomial is no argument
+                if not e.free & inner and (degree == 2 or around != "pole"):
+                    yield cast(Expr, e), around == "exponential"
+                continue
+            stack.extend((c, _around(e, around)) for c in reversed(e.children))
+
+    def _centre(self, u: Expr, x: Var, exponential: bool) -> Centre:
+        rate = slope(u, x)
+        if self.degrees.of(u, x) == 1:
+            return Centre(self._root(u, x), div(ONE, call("magnitude", self._at_0(rate, x))))
+        curvature = self._at_0(slope(rate, x), x)
+        middle = self._root(rate, x)
+        if exponential:
+            return Centre(middle, div(ONE, call("root", curvature)))
+        lowest = cast(Expr, substitute(u, {x: middle}))
+        return Centre(middle, call("root", div(mul(const(2.0), lowest), curvature)))
+
+    def _root(self, u: Expr, x: Var) -> Expr:
+        """Returns the root of a linear function."""
+        return div(mul(MINUS_ONE, self._at_0(u, x)), self._at_0(slope(u, x), x))
+
+    @staticmethod
+    def _at_0(e: Expr, x: Var) -> Expr:
+        return cast(Expr, substitute(e, {x: ZERO}))
+
+
+def _around(e: Node, around: str) -> str:
+    """Returns what stands around the children of a node: "exponential", "pole", "function", or "" for nothing but arithmetic."""
+    match e:
+        case Call():
+            return "" if e.name in _WAVES else "exponential" if e.name in _EXPONENTIAL else "function"
+        case Apply():
+            return "function"
+        case Pow() if e.exponent < 0:
+            return "pole"
+        case Pow() if around or e.exponent > STEEP:
+            return "function"
+        case Integral():
+            return ""
+        case _:
+            return "function" if around == "pole" else around
+
+
+def _integrals(body: Expr, x: Var) -> Iterator[Integral]:
+    """Yields the outermost integrals in an integrand that depend on x."""
+    seen: set[Node] = set()
+    stack: list[Node] = [body]
+    while stack:
+        node = stack.pop()
+        if node in seen or x not in node.free:
+            continue
+        seen.add(node)
+        if isinstance(node, Integral):
+            yield node
+        else:
+            stack.extend(node.children)

@@ -1,0 +1,80 @@
+"""Integrals over infinite ranges whose features are far away, against closed forms."""
+
+from __future__ import annotations
+
+import math
+import warnings
+
+import pytest
+
+import teg
+
+x, y = teg.vars("x y")
+t, k = teg.params("t k")
+LINE = (-math.inf, math.inf)
+LOGISTIC = teg.exp(-(x - t)) / (1 + teg.exp(-(x - t))) ** 2
+BACKENDS = ["c", "numpy", pytest.param("jax", marks=pytest.mark.slow)]
+
+
+@pytest.fixture(autouse=True)
+def double_precision(request: pytest.FixtureRequest) -> None:
+    """JAX in 64-bit mode where it computes."""
+    if request.node.callspec.params.get("backend") == "jax":
+        request.getfixturevalue("x64")
+
+
+FAR = [0.0, 10.0, -1e3, 1e5, -1e6]
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize(("integrand", "exact"), [(LOGISTIC, 1.0), (1 / teg.cosh(x - t), math.pi)], ids=["logistic", "sech"])
+def test_a_peak_is_found_however_far_it_is(integrand: teg.Expr, exact: float, backend: str) -> None:
+    """At a millionfold distance the places themselves have errors of 1e-10 of the peak's width."""
+    f = teg.compile(teg.integral(integrand, (x, *LINE)), [t], backend=backend)
+    for place in FAR:
+        value, slopes = f.value_and_grad(t=place)
+        assert value == pytest.approx(exact, rel=1e-10)
+        assert slopes["t"] == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_part_of_a_peak_far_away(backend: str) -> None:
+    f = teg.compile(teg.integral(teg.bracket(x > t) / teg.cosh(x - t), (x, *LINE)), [t], backend=backend)
+    for place in FAR:
+        assert f(t=place) == pytest.approx(0.5 * math.pi, rel=1e-10)
+
+
+@pytest.mark.parametrize("backend", ["c", "numpy"])
+def test_what_is_lost_is_said(backend: str) -> None:
+    """At 1e13 neighbouring numbers are 1/512 apart: a value may be wrong, but not without a warning."""
+    f = teg.compile(teg.integral(LOGISTIC, (x, *LINE)), [t], backend=backend)
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        value = f(t=1e13)
+    assert value == pytest.approx(1.0, rel=1e-9) or said
+
+
+@pytest.mark.parametrize("backend", ["c", "numpy"])
+@pytest.mark.parametrize("place", [0.0, 10.0, 1000.0])
+def test_a_peak_of_a_convolution_is_found(place: float, backend: str) -> None:
+    """∫∫ sech(x - t)·sech(y - x) dx dy = π²: the inner integral is a peak in y around t, which no node of the outer one sees by chance."""
+    e = teg.integral(1 / teg.cosh(x - t) / teg.cosh(y - x), (x, *LINE), (y, *LINE))
+    assert teg.compile(e, [t], backend=backend)(t=place) == pytest.approx(math.pi**2, rel=1e-9)
+
+
+@pytest.mark.parametrize("backend", ["c", "numpy"])
+@pytest.mark.parametrize("steepness", [1e18, 1e20])
+def test_a_pole_that_the_nodes_cannot_resolve_is_said(steepness: float, backend: str) -> None:
+    f = teg.compile(teg.integral(k / (1 + (k * (x - t)) ** 2), (x, -1, 1)), [t], backend=backend)
+    with pytest.warns(teg.AccuracyWarning):
+        f(t=0.3, k=steepness)
+
+
+@pytest.mark.parametrize("backend", ["c", "numpy"])
+@pytest.mark.parametrize(
+    ("integrand", "exact"), [(x**2.5 * teg.exp(-x), math.gamma(3.5)), (x**-0.5 * teg.exp(-x), math.gamma(0.5))], ids=str
+)
+@pytest.mark.filterwarnings("error")
+def test_ordinary_densities_are_exact_without_a_warning(integrand: teg.Expr, exact: float, backend: str) -> None:
+    f = teg.compile(teg.integral(integrand * teg.bracket(x < t), (x, 0, math.inf)), [t], backend=backend)
+    assert f(t=60.0) == pytest.approx(exact, rel=1e-12)
