@@ -35,8 +35,8 @@ class Guard(NamedTuple):
         depth: Scalar,
     ) -> tuple[Scalar, Any]:
         """Whether something is hidden in the interval (u0, u1) = `ends`: `at` are the nodes in u, `seen` the sharp values there, (nodes,
-        sharp), `enough` what does not matter, (tested,). And bounds of the integrals of |tested value|, 0 where
-        they are infinite, as they are beside integrable singularities, infinite where they are not known."""
+        sharp), `enough` what does not matter, (tested,). And bounds of the integrals of |tested value|,
+        infinite where they are not known."""
         u = jnp.concatenate([jnp.stack([ends[0]]), at, jnp.stack([ends[1]])])
         x = place(JAX, places, possible, u)[0]
         x = jnp.where(u <= 0.0, places.p, jnp.where(u >= 1.0, places.q, x))

@@ -4,8 +4,8 @@
                              u quadratic in x      its stationary point v, and the width |u″|^-½
     1/u, √u, log u …         u quadratic in x      v, and the distance |u(v)/(½u″)|^½ of the complex roots
 
-The sum of two centres of an infinite inner integral is seen from outside: where they meet, as functions of an outer variable, or where one
-meets a finite bound of the inner range, the outer integrand has a centre. So ∫ dy ∫ f(x - t)·g(y - x) dx has the centre y = t. Polynomials
+Two centres of an infinite inner integral are seen from outside: where they meet, as functions of an outer variable, or where one meets a
+finite bound of the inner range, the outer integrand has a centre. So ∫ dy ∫ f(x - t)·g(y - x) dx has the centre y = t. Polynomials
 in front of functions, sines and cosines have no centres. Linear in the size of the integrand, but for pairs of at most MAX_CENTRES.
 """
 

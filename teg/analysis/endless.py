@@ -4,7 +4,7 @@ A function that grows in one part and falls in another has no finite enclosure t
 power x² has one, nor the exponential if it is written exp(2·log x - x). But far away
 
     uᵏ, 0 < k <= GENTLE     changes by a factor over a range that doubles, and hides no narrow peak: its least value is as good as seen;
-                            so does exp u or cosh u where x·u′ is a number k
+                            so does exp u or cosh u where x·u′ is a number k, or u = k·log v + c
     a sum                   has its value at the finite end of the box as a bound, where the enclosure of its slope has one sign
 
 An exponential that may rise, cosh u, and steeper powers have no such bound.
@@ -19,7 +19,7 @@ from typing import cast
 from teg.analysis.calculus import slope
 from teg.analysis.intervals import Enclosure, Interval
 from teg.errors import NotDifferentiableError
-from teg.ir.expr import MINUS_ONE, Add, Call, Cond, Expr, Pow, Var, const
+from teg.ir.expr import MINUS_ONE, Add, Call, Cond, Expr, Mul, Pow, Var, const
 from teg.ir.node import postorder
 from teg.ir.simplify import add, call, conjunction, mul, positive, sub, where
 from teg.ir.traverse import substitute
@@ -95,10 +95,22 @@ def _power_of(value: Expr, x: Var) -> Expr | None:
         case Call() if value.name == "pow" and x not in value.children[1].free:
             return value.children[1]
         case Call() if value.name in ("exp", "cosh"):
+            if (factor := _factor_of_logarithm(value.children[0], x)) is not None:
+                return call("magnitude", factor)
             rate = _slope_times(x, value.children[0])
             return None if rate is None or x in rate.free else call("magnitude", rate)
         case _:
             return None
+
+
+def _factor_of_logarithm(u: Expr, x: Var) -> Expr | None:
+    """Returns the factor k of u = k·log v + c, where only v depends on x; None for other functions."""
+    terms = [e for e in (u.children if isinstance(u, Add) else (u,)) if x in e.free]
+    factors = terms[0].children if len(terms) == 1 and isinstance(terms[0], Mul) else tuple(terms)
+    moving = [f for f in factors if x in f.free]
+    if len(moving) != 1 or not isinstance(moving[0], Call) or moving[0].name not in ("log", "log1p"):
+        return None
+    return mul(*(f for f in factors if f is not moving[0]))
 
 
 def _slope_times(x: Var, u: Expr) -> Expr | None:

@@ -44,7 +44,7 @@ HIDDEN = 1e13
 FAINT = 1e-87
 """A sharp value below which no peak is looked for: that of exp(-200)."""
 GUARD_DEPTH = 12
-"""After so many bisections a bound that is infinite hides nothing: where the integrand is singular the nodes decide."""
+"""After so many bisections a bound that is infinite hides nothing in a finite gap: where the integrand is singular the nodes decide."""
 
 # -- bends and poles ---------------------------------------------------------------------------------------------------
 

@@ -84,8 +84,9 @@ class Guard:
     nothing is hidden if the whole interval does not matter, or no s is unseen in it, S being the least at its nodes (of all that are
     numbers); or if in none of the gaps between neighbouring nodes, and between ends and nodes, that matter, an s is unseen, S being the
     larger of its two nodes' (at an end the one's). An infinite upper bound counts as seen in a finite gap at an end of the piece, and in
-    every gap if the interval came from GUARD_DEPTH or more bisections: where the integrand is singular the nodes decide. At the ends of a
-    piece left and right are p and q themselves. In a gap to infinity the lower bound does not count: what falls there falls for good.
+    every finite gap if the interval came from GUARD_DEPTH or more bisections: where the integrand is singular the nodes decide. At the
+    ends of a piece left and right are p and q themselves. In a gap to infinity an infinite upper bound always counts, and the lower bound
+    never: what falls there falls for good.
     """
 
     left: Annotated[str, Variable(("block",))]

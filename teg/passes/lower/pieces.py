@@ -203,12 +203,8 @@ class Pieces:
         smallest = [self.out.number(s, home) for s in dict.fromkeys(scales)]
         least: Arg = 1.0
         for i, s in enumerate(smallest):
-            usable = self.out.assign(
-                home,
-                "and",
-                self.out.assign(home, "ok", s),
-                self.out.assign(home, "gt0", self.out.assign(home, "div", 1.0, s)),
-            )
+            positive_ones = [self.out.assign(home, "gt0", v) for v in (s, self.out.assign(home, "div", 1.0, s))]
+            usable = self.out.assign(home, "and", self.out.assign(home, "ok", s), *positive_ones)  # a double root has the width 0
             s = self.out.assign(home, "select", usable, s, 1.0)
             least = s if i == 0 else self.out.assign(home, "min", least, s)
         return least
