@@ -6,7 +6,12 @@
 
 atan2 jumps by 2π where v = 0 and u < 0, atan(1/x) by π at x = 0, and such a jump moves with the parameters of v or q. On the right no
 function jumps where it is used: the second argument of each atan2 is not negative (`HalfAngle`, which stays as it is). Without parameters
-a jump stays where it is, and has no derivative. Conditions stay as they are written. Linear.
+a jump stays where it is, and has no derivative. In conditions the jumps of functions of one variable, and of functions of a pole, count
+wherever they are, and an angle that is compared with a number is two half-planes:
+
+    atan2(v, u) < t    ⇔   v < 0 or u·sin t - v·cos t > 0, for 0 < t <= π;  both, for -π < t <= 0
+
+Linear.
 """
 
 from __future__ import annotations
@@ -14,9 +19,9 @@ from __future__ import annotations
 import math
 from typing import cast
 
-from teg.ir.expr import MINUS_ONE, Call, Compare, Const, Expr, HalfAngle, Mul, Pow, const
+from teg.ir.expr import MINUS_ONE, ZERO, Add, Call, Compare, Cond, Const, Expr, HalfAngle, Mul, Pow, const
 from teg.ir.node import Node, postorder
-from teg.ir.simplify import call, div, half_angle, mul, positive, sub, where
+from teg.ir.simplify import add, call, conjunction, disjunction, div, half_angle, mul, negation, positive, sub, where
 from teg.ir.traverse import parameters, rebuild
 from teg.passes.normalise.canonicalise import cleared, has_variable_denominator, tangents_as_quotients
 
@@ -29,31 +34,78 @@ def with_cuts(root: Expr) -> Expr:
     order = postorder([root])
     if not any(isinstance(n, Call) and n.free and (n.name == "atan2" or n.name in LIMITED) for n in order):
         return root
-    new: dict[Node, Node] = {}
+    inside, outside = dict[Node, Node](), dict[Node, Node]()
     for node in order:
-        children = (node.g, *node.children[1:]) if isinstance(node, Compare) else tuple(new[c] for c in node.children)
-        result = rebuild(node, children)
-        if isinstance(result, Call) and result.free and not isinstance(result, HalfAngle):
-            result = _angle(result) if result.name == "atan2" else _limited(result) if result.name in LIMITED else result
-        new[node] = result
-    return cast(Expr, new[root])
+        inside[node] = _rebuilt(node, tuple(inside[c] for c in node.children), True)
+        if isinstance(node, Compare):
+            lines = _half_planes(node)
+            inside[node] = outside[node] = inside[node] if lines is None else lines
+        else:
+            outside[node] = _rebuilt(node, tuple(outside[c] for c in node.children), False)
+    return cast(Expr, outside[root])
 
 
-def _angle(e: Call) -> Expr:
+def _rebuilt(node: Node, children: tuple[Node, ...], in_condition: bool) -> Node:
+    """Returns a node of new children, with the jumps of a function as conditions."""
+    result = rebuild(node, children)
+    if not isinstance(result, Call) or not result.free or isinstance(result, HalfAngle):
+        return result
+    if result.name == "atan2":
+        return _angle(result, in_condition)
+    return _limited(result, in_condition) if result.name in LIMITED else result
+
+
+def _angle(e: Call, in_condition: bool) -> Expr:
     v, u = cast("tuple[Expr, Expr]", e.children)
-    if not v.free or not parameters(v) or (isinstance(u, Const) and u.data > 0.0):
+    if not v.free or not (not u.free if in_condition else parameters(v)) or (isinstance(u, Const) and u.data > 0.0):
         return e
     quarter = const(0.5 * math.pi)
     above = sub(quarter, half_angle(u, v))
     return where(positive(v, strict=False), above, sub(half_angle(u, mul(MINUS_ONE, v)), quarter))
 
 
-def _limited(e: Call) -> Expr:
+def _half_planes(condition: Compare) -> Cond | None:
+    """Returns the condition that an angle is below or above a number t, by the line of that direction: u·sin t - v·cos t > 0 is the
+    half-plane of the angles between t - π and t. None for other conditions, and for cuts that do not move."""
+    factor, angle, rest = _linear(condition.g)
+    if factor == 0.0 or not isinstance(angle, Call) or angle.name != "atan2" or isinstance(angle, HalfAngle):
+        return None
+    v, u = cast("tuple[Expr, Expr]", angle.children)
+    if not v.free or not parameters(v):
+        return None
+    t = div(rest, const(-factor))
+    below, ahead = positive(mul(MINUS_ONE, v)), positive(sub(mul(u, call("sin", t)), mul(v, call("cos", t))))
+    upper, turn = positive(t), const(math.pi)
+    less = disjunction(
+        conjunction(upper, disjunction(positive(sub(t, turn)), below, ahead)),
+        conjunction(negation(upper), positive(add(t, turn)), below, ahead),
+    )
+    return less if factor < 0.0 else negation(less)
+
+
+def _linear(e: Expr) -> tuple[float, Expr, Expr]:
+    """Returns a number k, an expression u and a constant c with e = k·u + c, where u is no sum with a constant and no multiple."""
+    factor = 1.0
+    rest: Expr = ZERO
+    while isinstance(e, Add | Mul):
+        moving = [c for c in e.children if c.free]
+        others = [c for c in e.children if not c.free]
+        if len(moving) != 1 or not (isinstance(e, Add) or all(isinstance(c, Const) for c in others)):
+            break
+        if isinstance(e, Add):
+            rest = add(rest, mul(const(factor), add(*others)))
+        else:
+            factor *= math.prod(c.data for c in others if isinstance(c, Const))
+        e = moving[0]
+    return factor, e, rest
+
+
+def _limited(e: Call, in_condition: bool) -> Expr:
     argument = tangents_as_quotients(e.children[0])
     if not has_variable_denominator(argument):
         return e
     p, q = cleared(argument)
-    if not q.free or not parameters(q) or _is_even(q):
+    if not q.free or not (in_condition or parameters(q)) or _is_even(q):
         return e
     above = positive(q)
     if e.name == "atan":

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import mpmath
@@ -12,8 +13,9 @@ from teg.passes.normalise.cuts import with_cuts
 
 pytestmark = pytest.mark.usefixtures("x64_for_jax")
 
-x = teg.var("x")
-a, b = teg.params("a b")
+x, y = teg.vars("x y")
+a, b, t = teg.params("a b t")
+theta = teg.atan2(y - a, x - b)
 BACKENDS = ["numpy", "c", pytest.param("jax", marks=pytest.mark.slow)]
 Number = mpmath.mpf
 PROGRAMS: dict[str, tuple[teg.Expr, Callable[[Number, Number, Number], Number]]] = {
@@ -61,5 +63,57 @@ def test_the_pass_is_idempotent_and_leaves_what_has_no_jump_that_moves() -> None
     assert with_cuts(once) is once
     for u in (teg.atan2(x, b), teg.atan2(x - a, 2.0), teg.atan(x - a), teg.atan2(a, b), teg.exp(-1 / (x - a) ** 2)):
         assert with_cuts(teg.integral(u, (x, 0, 1))) is teg.integral(u, (x, 0, 1))
-    condition = teg.bracket(teg.atan2(x - a, b) < 1)
-    assert with_cuts(teg.integral(condition, (x, 0, 1))) is teg.integral(condition, (x, 0, 1))
+    for condition in (teg.atan2(x, 2.0) < b, teg.atan2(y, x) < a, teg.atan(x - a) < b):
+        assert with_cuts(teg.integral(teg.bracket(condition), (x, 0, 1))) is teg.integral(teg.bracket(condition), (x, 0, 1))
+    turned = with_cuts(teg.integral(teg.bracket(1 - 2 * teg.atan2(y - a, x) < b), (x, 0, 1)))
+    assert with_cuts(turned) is turned
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize(
+    ("condition", "exact", "slopes"),
+    [
+        (teg.atan2(x - a, -1) < b, 0.4, {"a": 1.0, "b": 0.0}),
+        (teg.atan2(x - 0.4, -1) < b, 0.4, {"b": 0.0}),
+        (teg.exp(1 / (x - a)) < b, 0.4, {"a": 1.0, "b": 0.0}),
+        (teg.atan(1 / (x - a)) < 1.5 * b, 1 - 1 / math.tan(1.125), {"a": 0.0, "b": 1.5 / math.sin(1.125) ** 2}),
+        (teg.tanh(1 / (x - 0.4)) < b, 0.4, {"b": 0.0}),
+    ],
+    ids=str,
+)
+def test_jumps_in_conditions(condition: teg.Expr, exact: float, slopes: dict[str, float], backend: str) -> None:
+    """The condition holds on one side of the jump, where the function has no root: the value was 0 or 1."""
+    f = teg.compile(teg.integral(teg.bracket(condition), (x, 0, 1)), backend=backend)
+    at = {name: {"a": 0.4, "b": 0.75}[name] for name in f.parameters}
+    value, gradient = f.value_and_grad(**at)
+    assert value == pytest.approx(exact, rel=1e-12)
+    assert gradient == pytest.approx(slopes, rel=1e-12, abs=1e-12)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize(
+    ("condition", "sign"),
+    [(theta < t, 1), (theta > t, -1), (1 - 2 * theta > 1 - 2 * t, 1), (~(theta < t), -1)],
+    ids=["below", "above", "a multiple", "not below"],
+)
+def test_an_angle_around_a_centre_that_moves(condition: teg.Expr, sign: int, backend: str) -> None:
+    """What lies below the cut, and a triangle: 2(a + 1) + ½·tan t·(1 - b)². The derivative by a was 0.8, second derivatives were wrong."""
+    f = teg.compile(teg.integral(teg.bracket(condition), (x, -1, 1), (y, -1, 1)), [t, a, b], backend=backend)
+    at = {"t": 0.6, "a": 0.1, "b": 0.2}
+    tangent, secant = math.tan(0.6), 1 / math.cos(0.6) ** 2
+    value, gradient = f.value_and_grad(**at)
+    area = 2.2 + 0.32 * tangent
+    assert value == pytest.approx(area if sign > 0 else 4 - area, rel=1e-13)
+    assert gradient == pytest.approx({"t": sign * 0.32 * secant, "a": sign * 2.0, "b": -sign * 0.8 * tangent}, rel=1e-12)
+    second = {("t", "t"): 0.64 * secant * tangent, ("t", "b"): -0.8 * secant, ("b", "b"): tangent}
+    for (p, q), found in f.hessian(**at).items():
+        assert found == pytest.approx(sign * second.get((p, q), second.get((q, p), 0.0)), rel=1e-12, abs=1e-12)
+
+
+@pytest.mark.parametrize("angle", [-3.0, -1.0, 0.0, 2.0, math.pi, 3.5, -3.5])
+def test_an_angle_in_every_direction(angle: float) -> None:
+    """A wedge at the middle of a disk is a part of it."""
+    condition = (theta < t) & ((x - b) ** 2 + (y - a) ** 2 < 0.25)
+    f = teg.compile(teg.integral(teg.bracket(condition), (x, -1, 1), (y, -1, 1)), [t, a, b])
+    part = min(max((angle + math.pi) / (2 * math.pi), 0.0), 1.0)
+    assert f(t=angle, a=0.1, b=0.2) == pytest.approx(0.25 * math.pi * part, rel=1e-9, abs=1e-12)
