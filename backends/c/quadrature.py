@@ -297,7 +297,7 @@ def _searched(guard: GuardText, place: Sequence[str], tested: int, above: str, t
             "const int inside = endless || (first > 0.0 && second < 1.0 && here.depth < TEG_GUARD_DEPTH);",
             f"const int unseen = teg_matters({tested}, f, right - left, measured, {above}, {tol})",
             f"    && teg_unseen({guard.sharp}, f + {tested}, seen_at, nodes, gap, inside, endless);",
-            f"if (gap < 0) {_each(tested, 'hidden_size[j] = f[j] * (right - left);')}",
+            f"if (gap < 0) {_each(tested, 'hidden_size[j] = !endless && isinf(f[j]) ? 0.0 : f[j] * (right - left);')}",
             "if (gap < 0 && !unseen) break;",
             "if (gap >= 0 && unseen) good = 0, hides = 1;",
         ),

@@ -35,8 +35,8 @@ class Guard(NamedTuple):
         depth: Scalar,
     ) -> tuple[Scalar, Any]:
         """Whether something is hidden in the interval (u0, u1) = `ends`: `at` are the nodes in u, `seen` the sharp values there, (nodes,
-        sharp), `enough` what does not matter, (tested,). And bounds of the integrals of |tested value|,
-        infinite where they are not known."""
+        sharp), `enough` what does not matter, (tested,). And bounds of the integrals of |tested value|, infinite where
+        they are not known, 0 where a value has no finite bound on a finite interval, as beside integrable singularities."""
         u = jnp.concatenate([jnp.stack([ends[0]]), at, jnp.stack([ends[1]])])
         x = place(JAX, places, possible, u)[0]
         x = jnp.where(u <= 0.0, places.p, jnp.where(u >= 1.0, places.q, x))
@@ -55,7 +55,7 @@ class Guard(NamedTuple):
         inside = ~finite | ((jnp.concatenate([u[:1], u[:-1]]) > 0.0) & (u < 1.0) & (depth < GUARD_DEPTH))
         counts = ~jnp.isposinf(upper) | (inside | whole)[:, None]
         unseen = jnp.any(large & counts, axis=1) & matters
-        hidden = sizes[0] * length[0]
+        hidden = jnp.where(jnp.isinf(sizes[0]) & jnp.isfinite(length[0]), 0.0, sizes[0] * length[0])
         return unseen[0] & jnp.any(unseen[1:]), jnp.where(jnp.isnan(hidden), jnp.inf, hidden)
 
 

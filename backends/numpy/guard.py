@@ -65,10 +65,14 @@ class Guard:
         return hidden
 
     def hidden(self, run: Any, places: Substitution, values: Sequence[Any], ends: tuple[Array, Array], tested: int) -> Array:
-        """Returns bounds of the integrals of |tested value| over intervals, (tested, intervals), infinite where they are not known."""
+        """Returns bounds of the integrals of |tested value| over intervals, (tested, intervals), infinite where they are not known; 0 where
+        a value has no finite bound on a finite interval, as beside integrable singularities."""
         left, right = (self._place(places, u) for u in ends)
         sizes = self.block(run, left, right, *values)[:tested]
-        bounds = np.stack([np.broadcast_to(size * (right - left), left.shape) for size in sizes])
+        length = right - left
+        bounds = np.stack(
+            [np.broadcast_to(np.where(np.isinf(size) & np.isfinite(length), 0.0, size * length), left.shape) for size in sizes]
+        )
         return np.where(np.isnan(bounds), np.inf, bounds)
 
     def _place(self, places: Substitution, u: Array) -> Array:

@@ -225,10 +225,11 @@ class _Piece:
         return _Measured(totals, sizes, errors, changed, hidden, seen)
 
     def _hidden(self, guard: Guard, way: Substitution, start: float, stop: float) -> list[float]:
-        """Returns bounds of the integrals of |tested value| over an interval, infinite where they are not known."""
+        """Returns bounds of the integrals of |tested value| over an interval, infinite where they are not known; 0 where a value has no
+        finite bound on a finite interval, as beside integrable singularities."""
         left, right = _place(way, start), _place(way, stop)
         sizes = self.machine.at(guard.block, guard.sizes, **{guard.left: left, guard.right: right})
-        bounds = [size * (right - left) for size in sizes]
+        bounds = [0.0 if math.isinf(size) and math.isfinite(right - left) else size * (right - left) for size in sizes]
         return [math.inf if math.isnan(bound) else bound for bound in bounds]
 
     def _hides(
