@@ -22,7 +22,7 @@ from teg.analysis.surfaces import binders_inside
 from teg.analysis.tails import infinite_ends, is_unbounded
 from teg.ir.expr import MINUS_ONE, ONE, ZERO, Call, Compare, Expr, Pow, Var, const
 from teg.ir.function import Apply
-from teg.ir.integral import Integral
+from teg.ir.integral import Integral, outermost_integrals
 from teg.ir.node import Node
 from teg.ir.simplify import add, call, div, mul, sub
 from teg.ir.traverse import substitute
@@ -64,7 +64,7 @@ class Centres:
         if node not in self._met:
             x, outside = node.var, binders_inside(node.body)
             found: dict[object, Centre] = {}
-            for inner in _integrals(node.body, x):
+            for inner in outermost_integrals([node.body], x):
                 for first, second in self._pairs(inner):
                     apart = sub(first.place, second.place)
                     if not apart.free & outside and self.degrees.of(apart, x) == 1:
@@ -135,18 +135,3 @@ def _around(e: Node, around: str) -> str:
             return ""
         case _:
             return "function" if around == "pole" else around
-
-
-def _integrals(body: Expr, x: Var) -> Iterator[Integral]:
-    """Yields the outermost integrals in an integrand that depend on x."""
-    seen: set[Node] = set()
-    stack: list[Node] = [body]
-    while stack:
-        node = stack.pop()
-        if node in seen or x not in node.free:
-            continue
-        seen.add(node)
-        if isinstance(node, Integral):
-            yield node
-        else:
-            stack.extend(node.children)

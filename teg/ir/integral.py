@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from teg.ir.expr import ONE, ZERO, Add, And, Call, Cond, Const, Expr, Mul, Tuple, Var, Where
-from teg.ir.node import union
+from teg.ir.node import Node, union
 from teg.ir.simplify import conjunction, mul, sub, tuple_of, where
 
 
@@ -105,6 +105,23 @@ def masses_of(e: Expr, var: Var) -> PointMasses | None:
         elif isinstance(node, Mul | Add):
             stack.extend(node.children)
     return None
+
+
+def outermost_integrals(roots: Sequence[Node], var: Var) -> list[Integral]:
+    """Returns the integrals that depend on `var`, in the order in which they stand, without those inside of others."""
+    found: list[Integral] = []
+    seen: set[Node] = set()
+    stack: list[Node] = list(reversed(roots))
+    while stack:
+        node = stack.pop()
+        if node in seen or var not in node.free:
+            continue
+        seen.add(node)
+        if isinstance(node, Integral):
+            found.append(node)
+        else:
+            stack.extend(reversed(node.children))
+    return found
 
 
 def integral_over(body: Expr, var: Var, lo: Expr, hi: Expr) -> Expr:

@@ -23,7 +23,7 @@ from teg.analysis.sharp import LARGEST, Sharp, bounds, numeric_range, range_of, 
 from teg.analysis.surfaces import binders_inside
 from teg.analysis.tails import is_unbounded
 from teg.ir.expr import ZERO, Compare, Const, Expr, Var, Where, const
-from teg.ir.integral import Integral
+from teg.ir.integral import Integral, outermost_integrals
 from teg.ir.node import Node, postorder
 from teg.ir.simplify import mul, positive, sub, where
 from teg.ir.traverse import fresh, rewrite, substitute
@@ -150,19 +150,7 @@ class Guards:
 
     def _peaks_in(self, bodies: Sequence[Expr], x: Var) -> list[Peak]:
         """Returns the recorded peaks of the integrals in these integrands that depend on x, without those of deeper integrals."""
-        found: list[Peak] = []
-        seen: set[Node] = set()
-        stack: list[Node] = list(reversed(bodies))
-        while stack:
-            node = stack.pop()
-            if node in seen or x not in node.free:
-                continue
-            seen.add(node)
-            if isinstance(node, Integral):
-                found += self.peaks.get(node, ())
-            else:
-                stack.extend(reversed(node.children))
-        return list(dict.fromkeys(found))
+        return list(dict.fromkeys(peak for i in outermost_integrals(bodies, x) for peak in self.peaks.get(i, ())))
 
     def _inside(self, bodies: Sequence[Expr], x: Var, gap: float | None) -> list[Peak]:
         """Returns the sharp values of inner integrals that are not tame as seen from x."""

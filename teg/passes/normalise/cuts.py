@@ -56,8 +56,10 @@ def _rebuilt(node: Node, children: tuple[Node, ...], in_condition: bool) -> Node
 
 
 def _angle(e: Call, in_condition: bool) -> Expr:
+    """Returns an angle with its cut as a condition, if the cut counts and can be met."""
     v, u = cast("tuple[Expr, Expr]", e.children)
-    if not v.free or not (not u.free if in_condition else parameters(v)) or (isinstance(u, Const) and u.data > 0.0):
+    counts = not u.free if in_condition else bool(parameters(v))
+    if not (v.free and counts) or (isinstance(u, Const) and u.data > 0.0):
         return e
     quarter = const(0.5 * math.pi)
     above = sub(quarter, half_angle(u, v))
@@ -101,6 +103,7 @@ def _linear(e: Expr) -> tuple[float, Expr, Expr]:
 
 
 def _limited(e: Call, in_condition: bool) -> Expr:
+    """Returns a function with its jump at a pole as a condition, if its argument has one that counts."""
     argument = tangents_as_quotients(e.children[0])
     if not has_variable_denominator(argument):
         return e
