@@ -150,8 +150,9 @@ class RecordedRun:
             self._run(stmt.point, inner)
             return tuple(np.broadcast_to(_get(inner, b), v.shape) for b in (stmt.value, stmt.slope, stmt.curvature))
 
-        search = isolate.Isolation(enclosure, point, len(stmt.results), False, stmt.tol, stmt.width, 1, 1)
-        return search(lanes.Run(1, 2**20), _get(names, stmt.lo), _get(names, stmt.hi), (), ())
+        blocks = lanes.Sized(enclosure, 7, 1), lanes.Sized(point, 3, 1)
+        search = isolate.Isolation(*blocks, len(stmt.results), False, stmt.tol, stmt.width)
+        return search(lanes.Run(1, 2**20), (_get(names, stmt.lo), _get(names, stmt.hi)), (), ())
 
     def _locate(self, stmt: Locate, names: Values) -> list[Any]:
         def enclosure(_run: object, left: Any, right: Any, bottom: Any, top: Any) -> tuple[Any, ...]:
@@ -159,9 +160,9 @@ class RecordedRun:
             self._run(stmt.enclosure, inner)
             return tuple(np.broadcast_to(_get(inner, b), left.shape) for b in stmt.bounds)
 
-        search = locate.Location(enclosure, len(stmt.results), 1, len(stmt.bounds), stmt.lost is not None)
-        sides = (_get(names, e) for e in (stmt.lo, stmt.hi, stmt.low, stmt.high))
-        return list(search(lanes.Run(1, 2**20), *sides, ()))
+        search = locate.Location(lanes.Sized(enclosure, len(stmt.bounds), 1), len(stmt.results), stmt.lost is not None)
+        limits = tuple(_get(names, e) for e in (stmt.lo, stmt.hi, stmt.low, stmt.high))
+        return list(search(lanes.Run(1, 2**20), limits, ()))
 
     # -- integrals -----------------------------------------------------------------------------------------------------
 

@@ -15,7 +15,7 @@ import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import cast
+from typing import NamedTuple, cast
 
 from teg.analysis.remarks import Remarks
 from teg.analysis.settings import Integration
@@ -191,19 +191,27 @@ def estimator_for(discontinuities: str, options: Mapping[str, object] | None = N
     return estimator if how is None else estimator.fitted(how)
 
 
+class Elimination(NamedTuple):
+    """How δ are eliminated: by which maps of the user's, and whether boundary terms may have closed forms; `remarks` take decisions."""
+
+    maps: Maps = ()
+    closed_forms: bool = True
+    remarks: Remarks | None = None
+
+
+PLAIN = Elimination()
+"""By the families of the compiler alone."""
+
+
 def compiled_outputs(
     e: Expr,
     wrt: Sequence[Param],
     orders: int,
     estimator: Estimator,
-    maps: Maps = (),
-    closed_forms: bool = True,
-    remarks: Remarks | None = None,
+    elimination: Elimination = PLAIN,
 ) -> list[Expr]:
-    """Returns [value], [value, gradient], or [value, gradient, Hessian], without δ and in canonical form, ready to be lowered together.
-
-    Boundary terms in closed form occur only with `closed_forms`. Decisions are added to `remarks`.
-    """
+    """Returns [value], [value, gradient], or [value, gradient, Hessian], without δ and in canonical form, ready to be lowered together."""
+    maps, closed_forms, remarks = elimination
     if not estimator.has_all_orders and orders:
         return _estimated_outputs(e, wrt, orders, estimator, maps)
     e, families, sifted = write_out(e), families_with(maps), isinstance(estimator, Exact)

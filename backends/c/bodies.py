@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from teg.program import Arg, Assign, Program, statements
+from teg.program.names import of_kind
 
 
 def merged(bodies: Sequence[Program]) -> Program:
@@ -19,7 +20,7 @@ def merged(bodies: Sequence[Program]) -> Program:
             assert isinstance(stmt, Assign)
             key = (stmt.op, *((type(a), new.get(a, a)) for a in stmt.args))
             if key not in known:
-                known[key] = f"{stmt.name[0]}{len(known)}"
+                known[key] = of_kind(stmt.name, len(known))
                 body.append(Assign(known[key], stmt.op, tuple(new.get(a, a) for a in stmt.args)))
             new[stmt.name] = known[key]
         outputs += [new.get(o, o) for o in program.outputs]

@@ -22,6 +22,7 @@ from teg.backends.c.sides import Side, side_of
 from teg.numerics.quadrature import gauss_legendre
 from teg.program import NEARLY, TIE_EPS, Arg, Assign, Polygon, Program, Segment, Stmt, When, assigned, statements
 from teg.program.fields import absent
+from teg.program.names import unused_numbers
 from teg.program.residues import Residues, random_residue
 
 SIDE = 8
@@ -97,8 +98,7 @@ class _Line:
     """The items of the straight line, and the conditions under which it is the program."""
 
     def __init__(self, program: Program, inputs: Sequence[Mapping[str, int | None]]) -> None:
-        used = (int(n[1:]) for s in statements(program.body) for n in assigned(s) if n[1:].isdigit())
-        self._numbers = count(1 + max(used, default=0))
+        self._numbers = unused_numbers(n for s in statements(program.body) for n in assigned(s))
         self.writer = Writer(self._numbers)
         self.items: list[Item] = []
         self.conditions: list[Arg] = []

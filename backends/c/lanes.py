@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Container, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import count
 from math import isnan
 from typing import Any
 
@@ -41,6 +40,7 @@ from teg.program import (
 )
 from teg.program.dce import without_dead_code
 from teg.program.fields import absent
+from teg.program.names import is_parameter, parameter_numbers, unused_numbers
 
 SIDE = 8
 """Points side by side."""
@@ -180,8 +180,7 @@ class _Line:
         self.conditions: list[Arg] = []
         self.known: dict[Arg, Arg] = {}  # results of what is not run, and of choices that are settled
         self.unmet: set[Arg] = set()  # conditions of what is not run
-        used = (int(n[1:]) for s in statements(program.body) for n in assigned(s) if n[1:].isdigit())
-        self._numbers = count(1 + max(used, default=0))
+        self._numbers = unused_numbers(n for s in statements(program.body) for n in assigned(s))
 
     def assign(self, letter: str, op: str, *args: Arg) -> str:
         name = f"{letter}{next(self._numbers)}"
@@ -412,7 +411,7 @@ def used_inputs(found: Packed) -> tuple[list[int], list[int]]:
 
 def _inputs(steps: Sequence[Stmt], outputs: Iterable[Arg]) -> list[int]:
     used = {a for stmt in steps for a in _given(stmt)}.union(outputs)
-    return sorted(int(a[1:]) for a in used if isinstance(a, str) and a[0] == "p")
+    return parameter_numbers(used)
 
 
 def signature(inputs: Sequence[int], varying: Container[int], *more: str) -> str:
@@ -425,7 +424,7 @@ def _framed(
 ) -> Frame:
     """Returns a C function of these blocks in which parameter i is called p{i}."""
     names = {name: name for name in captured_by(own, [step for block in blocks for step in block], ()) if isinstance(name, str)}
-    known = {**{n: n for n in names if n[0] == "p"}, **{v: v for v in variables}}
+    known = {**{n: n for n in names if is_parameter(n)}, **{v: v for v in variables}}
     return Frame([], blocks, own, False, known, Spelling(whole=range(len(blocks)), lanes=lanes, truth=truth))
 
 

@@ -18,7 +18,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
-from itertools import count
 from typing import NamedTuple
 
 from teg.backends.c.frame import Frame, Spelling, assignments, captured_by
@@ -26,6 +25,7 @@ from teg.backends.c.lanes import Packed
 from teg.backends.c.text import TRUTH
 from teg.program import Arg, Assign, Program
 from teg.program.dce import without_dead_code
+from teg.program.names import is_number, is_parameter, parameter_numbers, unused_numbers
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +50,7 @@ class Narrowing:
     def inputs(self) -> list[int]:
         """Returns the numbers of the parameters that are read."""
         used = {a for s in self.body for a in s.args}
-        return sorted(int(a[1:]) for a in used if isinstance(a, str) and a[0] == "p")
+        return parameter_numbers(used)
 
 
 class _Bend(NamedTuple):
@@ -215,8 +215,8 @@ def _covering(
     parts = [_enough(condition, made, bends, ruled_out) for condition in (found.fast, found.live)]
     if any(p is None for p in parts):
         return (), ()
-    numbers = count(1 + max(int(a[1:]) for s in statements for a in (s.name, *s.args) if isinstance(a, str) and a[1:].isdigit()))
-    below = {s.name: f"v{next(numbers)}" for s in statements if s.name[0] == "v" and not bends[s.name].steady}
+    numbers = unused_numbers(a for s in statements for a in (s.name, *s.args) if isinstance(a, str))
+    below = {s.name: f"v{next(numbers)}" for s in statements if is_number(s.name) and not bends[s.name].steady}
 
     def new(op: str, name: str, letter: str) -> str:
         statements.append(Assign(f"{letter}{next(numbers)}", op, (name,)))
@@ -289,7 +289,7 @@ def function(found: Narrowing) -> list[str]:
     steps = [step for s in found.body for step in assignments(s)]
     own: list[Arg] = [*found.heights, *found.unless, *found.covers, *found.provided]
     names = {name: name for name in captured_by(own, steps, ()) if isinstance(name, str)}
-    frame = Frame([], [steps], own, False, {n: n for n in names if n[0] == "p"}, Spelling(whole=(0,), truth=TRUTH))
+    frame = Frame([], [steps], own, False, {n: n for n in names if is_parameter(n)}, Spelling(whole=(0,), truth=TRUTH))
     lines = frame.block(0)
     scope = frame.scope()
     lines += [f"height[{m}] = {scope(h)};" for m, h in enumerate((*found.heights, *found.covers))]

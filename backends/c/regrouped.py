@@ -11,11 +11,11 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Container, Iterable
-from itertools import count
 
 from teg.backends.c.crossed import Crossed, Item, Nodes, defines, needed, reads
 from teg.backends.c.crossing import LARGEST
 from teg.program import Arg, Assign
+from teg.program.names import is_parameter, parameter_number, unused_numbers
 
 GROUPED = ("and", "or")
 FAR = {"upper": -LARGEST, "lower": LARGEST}
@@ -35,11 +35,11 @@ class _Regrouped:
 
     def __init__(self, found: Crossed, varying: Container[int]) -> None:
         names = [n for item in found.items for n in defines(item)]
-        self._numbers = count(1 + max((int(n[1:]) for n in names if n[1:].isdigit()), default=0))
+        self._numbers = unused_numbers(names)
         self.items: list[Item] = []
         self._made: dict[Arg, Assign] = {}
-        inputs = {a for item in found.items for a in reads(item) if isinstance(a, str) and a.startswith("p")}
-        self._differing: set[Arg] = {a for a in inputs if int(str(a)[1:]) in varying}
+        inputs = {str(a) for item in found.items for a in reads(item) if is_parameter(a)}
+        self._differing: set[Arg] = {a for a in inputs if parameter_number(a) in varying}
         self._uses = Counter(a for item in found.items for a in reads(item))
 
     def append(self, item: Item) -> None:

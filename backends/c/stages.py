@@ -19,12 +19,13 @@ from teg.backends.c.regrouped import regrouped
 from teg.backends.c.text import TRUTH, indent, literal
 from teg.backends.c.text import packed as in_few_lines
 from teg.program import Arg, Assign
+from teg.program.names import is_number, parameter_numbers
 
 
 def inputs_of(found: Crossed) -> list[int]:
     """Returns the numbers of the parameters that are read."""
     used = {a for item in found.items for a in reads(item)}.union(found.outputs, (found.good,))
-    return sorted(int(a[1:]) for a in used if isinstance(a, str) and a[0] == "p")
+    return parameter_numbers(used)
 
 
 class Functions(NamedTuple):
@@ -101,7 +102,7 @@ class _Stages:
         frame, given = self._frame(self.constant, self._read_by(self.without(self.constant)))
         lines, scope = frame.block(0), frame.scope()
         lines += in_few_lines(f"s[{i}] = {scope(name)};" for i, name in enumerate(given))
-        self.places.update((name, f"s[{i}]" if name[0] == "v" else f"(s[{i}] != 0.0)") for i, name in enumerate(given))
+        self.places.update((name, f"s[{i}]" if is_number(name) else f"(s[{i}] != 0.0)") for i, name in enumerate(given))
         return lines, len(given)
 
     def lines(self, written: Written) -> Iterator[str]:
@@ -148,8 +149,8 @@ class _Stages:
         else:
             arrays = {name: f"a{next(self._arrays)}" for name in given}
             yield from in_few_lines([f"{array}[{SIDE}]" for array in arrays.values()], "double ", ", ", ";")
-            inside += [f"{array}[k] = {scope(name)}{'' if name[0] == 'v' else ' ? 1.0 : 0.0'};" for name, array in arrays.items()]
-            self.places.update((name, f"{array}[k]" if name[0] == "v" else f"({array}[k] != 0.0)") for name, array in arrays.items())
+            inside += [f"{array}[k] = {scope(name)}{'' if is_number(name) else ' ? 1.0 : 0.0'};" for name, array in arrays.items()]
+            self.places.update((name, f"{array}[k]" if is_number(name) else f"({array}[k] != 0.0)") for name, array in arrays.items())
         yield from self._each(inside)
 
     def _nodes(self, item: Nodes) -> Iterator[str]:

@@ -12,6 +12,7 @@ from math import isinf, isnan
 from typing import NamedTuple
 
 from teg.program import Arg
+from teg.program.names import is_condition
 
 WIDTH = 116  # characters in a line
 TRUTH = "int64_t"
@@ -101,7 +102,7 @@ def literal(x: float) -> str:
 
 def kind(arg: Arg) -> str:
     """Returns the C type of a name."""
-    return "int" if isinstance(arg, str) and arg[0] == "b" else "double"
+    return "int" if is_condition(arg) else "double"
 
 
 def harmless(name: str, most: int = 60) -> str:

@@ -19,7 +19,7 @@ from teg.backends.jax.arrays import JAX
 from teg.backends.jax.guard import Guard
 from teg.backends.jax.runtime import MISSED, Note, OnPiece, Pieces, Scalar, integrate, union, where
 from teg.backends.shared import rules
-from teg.backends.shared.bends import POWER, Substitution, place
+from teg.backends.shared.bends import POWER, Bends, Substitution, place
 from teg.numerics.quadrature import decay_power, gauss_legendre, null_rules
 from teg.program import DEEP, DIVERGENT, MAX_DEPTH, MAX_INTERVALS, SPENT, WATCH_WIDTH
 
@@ -115,7 +115,7 @@ class _How(NamedTuple):
         return 2 if self.watched else 0
 
 
-def _piece(how: _How, places: Substitution, _: Sequence[Any], active: Scalar, values: OnPiece) -> tuple[Any, Note]:
+def _piece(how: _How, places: Substitution, _: Bends, active: Scalar, values: OnPiece) -> tuple[Any, Note]:
     """The integrals over one piece, and their estimates, (results,), and the note.
 
     The intervals are visited from left to right. No stack is needed: behind an accepted interval that ends at

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 
 from teg.backends.jax.runtime import MISSED, Note, OnPiece, Pieces, Scalar, integrate, union, where
-from teg.backends.shared.bends import Substitution
+from teg.backends.shared.bends import Bends, Substitution
 from teg.backends.shared.poles import pole_at, pole_weights
 from teg.backends.shared.rules import rounding
 from teg.numerics.quadrature import gauss_legendre, null_rules
@@ -19,10 +18,10 @@ from teg.program import RESIDUE
 def rational(pieces: Pieces, nodes: int, power: int, *integral: Any, when: Scalar = True) -> tuple[tuple[Scalar, ...], Note]:
     """Gauss-Legendre with weights that know the pole, on each piece; the arguments are those of `integrate`."""
 
-    def rule(places: Substitution, bends: Sequence[Any], active: Scalar, values: OnPiece) -> tuple[Any, Note]:
+    def rule(places: Substitution, bends: Bends, active: Scalar, values: OnPiece) -> tuple[Any, Note]:
         base, ((_, c0, c1, _, counts),) = bends
         p, q = places.p, places.q
-        pole = pole_at(jnp, power, p, q, base, c0, c1, counts)
+        pole = pole_at(jnp, power, (p, q), base, (c0, c1), counts)
         at, plain = map(jnp.float64, gauss_legendre(nodes))
         w = jnp.where(pole.clear, pole_weights(jnp, nodes, power, pole.low, pole.high), plain)[:, None]
         half = 0.5 * (q - p)

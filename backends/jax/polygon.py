@@ -102,7 +102,7 @@ def meets(width: Scalar, height: Scalar, planes: Sequence[Plane], zero: Scalar) 
     least: list[Scalar] = []
     swings: list[Scalar] = []
     for a, b, c, closed in planes:
-        low, most = half_planes.least_and_most(jnp, a, b, c, width, height, zero)
+        low, most = half_planes.least_and_most(jnp, (a, b, c), (width, height), zero)
         fails |= half_planes.fails(jnp, low, most, closed)
         known &= jnp.isfinite(most - low)
         least.append(low)

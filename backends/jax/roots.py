@@ -15,7 +15,7 @@ from jax import lax
 
 from teg.backends.jax.entries import entries, stacked
 from teg.backends.jax.runtime import CROWDED, MISSED, Note, Scalar, barrier, union, vector, where
-from teg.backends.shared.roots import Halving, examined, excluded, newton_step, next_halving, plane_step, refuted, touches
+from teg.backends.shared.roots import Ends, Halving, examined, excluded, newton_step, next_halving, plane_step, refuted, touches
 from teg.program import (
     ISOLATE_DEPTH,
     ISOLATE_STEPS,
@@ -203,8 +203,8 @@ def _judged(at: _Search, m: Scalar, v: Scalar, bounds: Any, values: Any) -> tupl
     at the place v where it turns."""
     (g, slope, curvature), middle = values, at.phase == MIDDLE
     changes, turns = at.signs_p * at.signs_q < 0
-    known, sloped = at.signs_p * at.signs_q != 0
-    monotone, bent, left, blurred = examined(jnp, bounds, g, slope, 0.5 * (at.q - at.p), changes, known, sloped)
+    ends = Ends(changes, *(at.signs_p * at.signs_q != 0))
+    monotone, bent, left, blurred = examined(jnp, bounds, (g, slope), 0.5 * (at.q - at.p), ends)
     turning = middle & bent & ~changes & turns & ((at.signs_p[0] > 0) == (bounds[4] > 0.0))
     touch, error = touches(jnp, g, curvature, bounds[-1])
     touch = touch & ~middle
@@ -294,7 +294,7 @@ class _Newton(NamedTuple):
 
     def stepped(self, g: Scalar, slope: Scalar, above: Scalar) -> _Newton:
         """After a step, kept inside by bisection; g > 0 at q if `above`."""
-        v, p, q, size, done = newton_step(jnp, g, slope, self.v, self.p, self.q, above, self.before)
+        v, p, q, size, done = newton_step(jnp, (g, slope), self.v, (self.p, self.q), above, self.before)
         return _Newton(v, p, q, self.last, size, self.steps + 1, done)
 
 

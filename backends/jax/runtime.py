@@ -18,7 +18,7 @@ from jax import lax
 from teg.backends.jax import entries
 from teg.backends.jax.arrays import JAX
 from teg.backends.shared import error_function, rules
-from teg.backends.shared.bends import Substitution, inside, possible_kinds, substitution
+from teg.backends.shared.bends import Bends, Substitution, inside, possible_kinds, substitution
 from teg.numerics.quadrature import gauss_legendre
 from teg.program import INSIDE, ROUNDING
 
@@ -28,7 +28,7 @@ Body = Callable[[Scalar, tuple[Scalar, ...]], tuple[tuple[Scalar, ...], Note]]  
 Flags = Callable[
     [Scalar, Scalar, Scalar], tuple[Scalar, tuple[Scalar, ...], tuple[Scalar, ...], Note]
 ]  # middle, ends -> need, bends, flags, note
-Rule = Callable[[Substitution, Sequence[Any], Scalar, "OnPiece"], tuple[Any, Note]]
+Rule = Callable[[Substitution, Bends, Scalar, "OnPiece"], tuple[Any, Note]]
 TIED, MISSED, CROWDED = 1, 2, 4
 
 MANY = 24
@@ -146,8 +146,9 @@ def integrate(
         if flags is not None:
             need, counts, flagged, note = flags(inside(jnp, p, q, INSIDE, pieces.infinite, scale), p, q)
         bent = [(kind, *coefficients[3 * i : 3 * i + 3], counts[i]) for i, kind in enumerate(pieces.kinds)]
-        places = substitution(JAX, p, q, base, bent, pieces.cubic, pieces.infinite, scale)
-        sums, note_body = rule(places, (base, bent), active & need, OnPiece(body, flagged))
+        of_bends = Bends(base, bent)
+        places = substitution(JAX, (p, q), of_bends, pieces.cubic, pieces.infinite, scale)
+        sums, note_body = rule(places, of_bends, active & need, OnPiece(body, flagged))
         return sums, where(active, note) | note_body
 
     if len(breaks) < MANY:
@@ -193,7 +194,7 @@ def vector(block: tuple[tuple[Scalar, ...], Note]) -> tuple[Any, Any]:
     return entries.stacked(values), jnp.asarray(note, jnp.int32)
 
 
-def _gauss(pieces: Pieces, nodes: int, places: Substitution, _: Sequence[Any], active: Scalar, values: OnPiece) -> tuple[Any, Note]:
+def _gauss(pieces: Pieces, nodes: int, places: Substitution, _: Bends, active: Scalar, values: OnPiece) -> tuple[Any, Note]:
     """The integrals over one piece and their estimates, (results,), and the note."""
     at, weights = map(jnp.float64, gauss_legendre(nodes))
     half = 0.5 * (places.q - places.p)

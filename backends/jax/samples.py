@@ -13,7 +13,7 @@ import jax.numpy as jnp
 from jax import lax
 
 from teg.backends.jax.runtime import Note, Scalar, union, vector, where
-from teg.backends.shared.samples import coordinate
+from teg.backends.shared.samples import Points, coordinate
 from teg.numerics.sobol import replicated
 
 Array = Any  # a JAX array
@@ -60,4 +60,4 @@ def points(kind: str, seed: int, dimensions: int, count: int, replicate: Array, 
     """Returns the coordinates of points of a rule of `count` points, (dimensions, …), in (0, 1); `replicate` and `index` are
     integers (…)."""
     index = jnp.asarray(index, jnp.uint64)
-    return jnp.stack([coordinate(jnp, kind, seed, d, count, replicate, index) for d in range(dimensions)])
+    return jnp.stack([coordinate(jnp, Points(kind, seed, count), d, replicate, index) for d in range(dimensions)])

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from teg.backends.numpy.arrays import places_of
 from teg.backends.numpy.guard import Guard
 from teg.backends.numpy.integrals import Integral
-from teg.backends.numpy.lanes import Array, Run, Value, gather, parts, scatter
-from teg.backends.shared.bends import POWER, Bend, Substitution
+from teg.backends.numpy.lanes import Array, Run, parts, scatter
+from teg.backends.numpy.pieces import Pieces
+from teg.backends.shared.bends import POWER, Bends
 from teg.backends.shared.rules import null_rule_error, rounding, tolerated
 from teg.numerics.quadrature import gauss_legendre, null_rules
 from teg.program import DEEP, DIVERGENT, MAX_DEPTH, MAX_INTERVALS, SPENT, WATCH_WIDTH
@@ -44,6 +45,14 @@ class Measured:
     seen: Array
 
 
+class _Intervals(NamedTuple):
+    """Intervals (left, left + width) in the coordinate of each `piece`, in (0, 1)."""
+
+    piece: Array
+    left: Array
+    width: float
+
+
 @dataclass(frozen=True, slots=True)
 class AdaptiveIntegral(Integral):
     """Gauss-Legendre with bisection: at a time, all intervals of one depth, over all pieces.
@@ -63,18 +72,20 @@ class AdaptiveIntegral(Integral):
     def is_cubic(self) -> bool:
         return self.cubic
 
-    def _rule(self, run: Run, places: Substitution, _: tuple[Value, Sequence[Bend]], values: Sequence[Value]) -> Array:
-        pieces = places.p.size
-        sums = np.zeros((self.results, pieces))
-        piece, left, width = np.arange(pieces), np.zeros(pieces), 1.0
-        used = np.zeros(pieces, dtype=np.int64)
+    def _rule(self, pieces: Pieces, bends: Bends) -> Array:
+        run, places = pieces.run, pieces.places
+        count = places.p.size
+        sums = np.zeros((self.results, count))
+        piece, left, width = np.arange(count), np.zeros(count), 1.0
+        used = np.zeros(count, dtype=np.int64)
         whole = np.empty(0)
-        spent = np.zeros((self.tested, pieces))
-        above = np.zeros((self.tested, pieces))  # the largest A of what an interval came from
+        spent = np.zeros((self.tested, count))
+        above = np.zeros((self.tested, count))  # the largest A of what an interval came from
         depth, first = 0, not self.watched
         while True:
             nodes = self.first if first else self.order
-            found = self._measure(run, places, values, piece, left, width, nodes)
+            intervals = _Intervals(piece, left, width)
+            found = self._measure(pieces, intervals, nodes)
             total, size, error, changed = found.total, found.size, found.error, found.changed
             if not whole.size:
                 whole = size if self.guard is None else size.copy()
@@ -82,12 +93,12 @@ class AdaptiveIntegral(Integral):
                 above = np.fmax(above, size)
                 keep_largest(whole, piece, size)
             largest = whole[:, piece] if self.guard is None else above
-            used += np.bincount(piece, minlength=pieces)
+            used += np.bincount(piece, minlength=count)
             enough = tolerated(np, self.tol, largest, size)
             fine = (error <= enough) | ~np.isfinite(error)
             accepted = np.where(changed, width <= WATCH_WIDTH, fine.all(axis=0))
             if self.guard is not None:
-                self._search(run, places, values, piece, (left, left + width), found, accepted, enough, depth)
+                self._search(pieces, intervals, found, accepted, enough, depth)
             late = run.evaluations + run.searched > run.most
             again = ~accepted & ((used[piece] < MAX_INTERVALS) & (depth < MAX_DEPTH) & (not late))
             missed = ~accepted & ~again
@@ -95,19 +106,18 @@ class AdaptiveIntegral(Integral):
             if missed.any():
                 run.missed = True
                 if self.guard is not None and (lost := np.flatnonzero(missed & fine.all(axis=0) & ~changed)).size:
-                    given, ends = [gather(v, piece[lost]) for v in values], (left[lost], left[lost] + width)
-                    hidden = self.guard.hidden(run, places.part(piece[lost]), given, ends, self.tested)
+                    hidden = self.guard.hidden(pieces.part(piece[lost]), (left[lost], left[lost] + width), self.tested)
                     error[:, lost] = np.fmax(error[:, lost], hidden)
                 if depth >= DEEP:
                     endless = missed & ~changed & ~found.hidden & np.isfinite(error) & (size > DIVERGENT * largest)
                     total[: self.tested][endless] = np.copysign(np.inf, total[: self.tested][endless])
             done = np.flatnonzero(~again)
             run.missed |= bool(np.isinf(total[: self.tested, done]).any())
-            spent += scatter(np.where(changed, 0.0, error)[:, done], piece[done], pieces)
-            sums[: self.values] += scatter(total[:, done], piece[done], pieces)
+            spent += scatter(np.where(changed, 0.0, error)[:, done], piece[done], count)
+            sums[: self.values] += scatter(total[:, done], piece[done], count)
             if self.estimated:
                 estimate = error[:, done] + rounding(np, places.p, places.q)[piece[done]] * size[:, done]
-                sums[self.values :] += scatter(estimate, piece[done], pieces)
+                sums[self.values :] += scatter(estimate, piece[done], count)
             if not again.any():
                 run.missed |= bool((spent > SPENT * tolerated(np, self.tol, whole, whole)).any())
                 return sums
@@ -121,11 +131,8 @@ class AdaptiveIntegral(Integral):
 
     def _search(
         self,
-        run: Run,
-        places: Substitution,
-        values: Sequence[Value],
-        piece: Array,
-        ends: tuple[Array, Array],
+        pieces: Pieces,
+        intervals: _Intervals,
         found: Measured,
         accepted: Array,
         enough: Array,
@@ -135,25 +142,16 @@ class AdaptiveIntegral(Integral):
         assert self.guard is not None
         at = np.array(gauss_legendre(found.seen.shape[1])[0])
         sure = np.flatnonzero(accepted & ~found.changed & np.isfinite(found.error).all(axis=0))
-        for some in parts(sure.size, run.chunk(self.node_width, at.size)):
+        for some in parts(sure.size, pieces.run.chunk(self.node_width, at.size)):
             chosen = sure[some]
-            left, right = (e[chosen] for e in ends)
+            left, right = intervals.left[chosen], intervals.left[chosen] + intervals.width
             nodes = left + (0.5 * (right - left)) * (1.0 + at[:, None])
-            given = [gather(v, piece[chosen]) for v in values]
-            part = places.part(piece[chosen])
-            accepted[chosen] = ~self.guard.hides(run, part, given, (left, right), nodes, found.seen[:, :, chosen], enough[:, chosen], depth)
+            part = pieces.part(intervals.piece[chosen])
+            accepted[chosen] = ~self.guard.hides(part, (left, right), nodes, found.seen[:, :, chosen], enough[:, chosen], depth)
 
-    def _measure(
-        self,
-        run: Run,
-        places: Substitution,
-        values: Sequence[Value],
-        piece: Array,
-        left: Array,
-        width: float,
-        nodes: int,
-    ) -> Measured:
-        """Returns the measurements of the intervals (left, left + width) of each `piece`."""
+    def _measure(self, pieces: Pieces, intervals: _Intervals, nodes: int) -> Measured:
+        """Returns the measurements of intervals at so many `nodes`."""
+        run, (piece, left, width) = pieces.run, intervals
         n, tested = piece.size, self.tested
         changed, hidden = np.zeros((2, n), dtype=np.bool_)
         sharp = self.guard.sharp if self.guard is not None else 0
@@ -162,9 +160,7 @@ class AdaptiveIntegral(Integral):
         at, weights = (np.array(column) for column in gauss_legendre(nodes))
         self._count(run, piece.size * (nodes + 2 * (self.watched > 0)))
         for part in parts(piece.size, run.chunk(self.node_width, nodes)):
-            index = piece[part]
-            given = [gather(v, index) for v in values]
-            here = places.part(index)
+            here, given = (some := pieces.part(piece[part])).places, some.values
             x, rate = places_of(here, left[part] + (0.5 * width) * (1.0 + at[:, None]))
             rate *= 0.5 * width
             found = self.body(run, x, *given)

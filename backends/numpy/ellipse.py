@@ -107,5 +107,5 @@ def clipped_boxes(width: Array, height: Array, planes: Sequence[Array], least: S
     for those that a lane has not; and whether anything is left."""
     places, corners = np.stack(corners_of_box(np, width, height)), np.full(width.size, 4)
     for i, low in enumerate(least):
-        places, corners = clipped(places, corners, low < 0.0, *planes[3 * i : 3 * i + 3])
+        places, corners = clipped(places, corners, low < 0.0, planes[3 * i : 3 * i + 3])
     return np.where(np.arange(places.shape[1])[:, None] < corners, places, places[:, :1]), corners > 2

@@ -10,6 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from teg.backends.numpy.arrays import places_of
+from teg.backends.numpy.lanes import Run
+from teg.backends.numpy.pieces import Pieces
 from teg.backends.shared.bends import Substitution
 from teg.backends.shared.rules import is_unseen
 from teg.program import GUARD_DEPTH
@@ -27,9 +29,7 @@ class Guard:
 
     def hides(
         self,
-        run: Any,
-        places: Substitution,
-        values: Sequence[Any],
+        pieces: Pieces,
         ends: tuple[Array, Array],
         at: Array,
         seen: Array,
@@ -39,23 +39,22 @@ class Guard:
         """Returns whether something is hidden in each interval (u₀, u₁) = `ends` of a piece of its own: `at` are the nodes in u, (nodes,
         intervals), `seen` the sharp values there, (sharp, nodes, intervals), `enough` the errors that do not matter, (tested,
         intervals)."""
-        left, right = (self._place(places, u) for u in ends)
-        unseen = self._unseen(run, values, left, right, np.fmin.reduce(seen, axis=1), enough)[0]
+        left, right = (self._place(pieces.places, u) for u in ends)
+        unseen = self._unseen(pieces.run, pieces.values, (left, right), np.fmin.reduce(seen, axis=1), enough)[0]
         asked = np.flatnonzero(unseen)
         hidden = np.zeros(left.size, dtype=np.bool_)
         if not asked.size:
             return hidden
-        places, seen, enough = places.part(asked), seen[:, :, asked], enough[:, asked]
-        values = [v[asked] if np.ndim(v) else v for v in values]
-        inside = places_of(places, at[:, asked])[0]
+        pieces, seen, enough = pieces.part(asked), seen[:, :, asked], enough[:, asked]
+        inside = places_of(pieces.places, at[:, asked])[0]
         points = np.concatenate([left[asked][None], inside, right[asked][None]])
         padded = np.concatenate([seen[:, :1], seen, seen[:, -1:]], axis=1)
         largest = np.fmax(padded[:, :-1], padded[:, 1:])
         gaps = points.shape[0] - 1
-        lower, upper = points[:-1].reshape(-1), points[1:].reshape(-1)
-        flat = [np.tile(v, gaps) if np.ndim(v) else v for v in values]
+        boxes = points[:-1].reshape(-1), points[1:].reshape(-1)
+        flat = [np.tile(v, gaps) if np.ndim(v) else v for v in pieces.values]
         wanted = np.tile(enough, (1, gaps))
-        found, endless = self._unseen(run, flat, lower, upper, largest.reshape(self.sharp, -1), wanted, gaps=True)
+        found, endless = self._unseen(pieces.run, flat, boxes, largest.reshape(self.sharp, -1), wanted, gaps=True)
         found, endless = found.reshape(gaps, -1), endless.reshape(gaps, -1)
         shallow = depth < GUARD_DEPTH
         endless[1:-1] &= shallow
@@ -64,11 +63,11 @@ class Guard:
         hidden[asked] = (found | endless).any(axis=0)
         return hidden
 
-    def hidden(self, run: Any, places: Substitution, values: Sequence[Any], ends: tuple[Array, Array], tested: int) -> Array:
+    def hidden(self, pieces: Pieces, ends: tuple[Array, Array], tested: int) -> Array:
         """Returns bounds of the integrals of |tested value| over intervals, (tested, intervals), infinite where they are not known; 0 where
         a value has no finite bound on a finite interval, as beside integrable singularities."""
-        left, right = (self._place(places, u) for u in ends)
-        sizes = self.block(run, left, right, *values)[:tested]
+        left, right = (self._place(pieces.places, u) for u in ends)
+        sizes = self.block(pieces.run, left, right, *pieces.values)[:tested]
         length = right - left
         bounds = np.stack(
             [np.broadcast_to(np.where(np.isinf(size) & np.isfinite(length), 0.0, size * length), left.shape) for size in sizes]
@@ -82,10 +81,11 @@ class Guard:
         return at
 
     def _unseen(
-        self, run: Any, values: Sequence[Any], left: Array, right: Array, seen: Array, enough: Array, gaps: bool = False
+        self, run: Run, values: Sequence[Any], boxes: tuple[Array, Array], seen: Array, enough: Array, gaps: bool = False
     ) -> tuple[Array, Array]:
-        """Returns whether each box matters and a sharp value is unseen there, (boxes,): of `gaps` those with finite upper bounds, then
-        those with infinite ones, of other boxes all."""
+        """Returns whether each box, from left to right, matters and a sharp value is unseen there, (boxes,): of `gaps` those with finite
+        upper bounds, then those with infinite ones, of other boxes all."""
+        left, right = boxes
         found = self.block(run, left, right, *values)
         length = right - left
         finite = np.isfinite(length)

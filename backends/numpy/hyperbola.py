@@ -1,6 +1,6 @@
 """Moments of hyperbolas over lanes, which the printed NumPy programs call as `hyperbolas`.
 
-    v1, v2 = hyperbola_0(run, v0, p1, p2, p3, (v5, 1.0), (v6,))         corners; coefficients; values for scales
+    v1, v2 = hyperbola_0(run, (v0, p1, p2, p3, v4), (v5, 1.0), (v6,))   corners and turn; coefficients; values for scales
 
 Lanes on which g has one sign at all corners are done with; the moments of the others are computed side by side.
 """
@@ -33,24 +33,20 @@ class HyperbolaMoments:
     def __call__(
         self,
         run: Run,
-        first: Value,
-        second: Value,
-        third: Value,
-        fourth: Value,
-        turn: Value,
+        corners: tuple[Value, ...],
         coefficients: tuple[Value, ...],
         for_scales: tuple[Value, ...],
         when: Value = True,
     ) -> tuple[Value, ...]:
-        """Returns the results, of the arguments' common shape."""
+        """Returns the results, of the arguments' common shape; `corners`: the values there, then where the hyperbola turns."""
         border = 5 + len(coefficients)
 
         def work(given: Sequence[Array], lanes: int) -> Array:
-            corners, rest = ([np.broadcast_to(v, (lanes,)) for v in part] for part in (given[:5], given[5:border]))
-            return self._lanes(run, corners, rest, given[border:])
+            at, rest = ([np.broadcast_to(v, (lanes,)) for v in part] for part in (given[:5], given[5:border]))
+            return self._lanes(run, at, rest, given[border:])
 
         step = run.chunk(WIDTH + border + len(for_scales))
-        return on_lanes(work, (first, second, third, fourth, turn, *coefficients, *for_scales), when, len(self.kinds), 0.0, step)
+        return on_lanes(work, (*corners, *coefficients, *for_scales), when, len(self.kinds), 0.0, step)
 
     def _lanes(self, run: Run, corners: Sequence[Array], coefficients: Sequence[Array], for_scales: Sequence[Array]) -> Array:
         *f, turn = [np.asarray(v, dtype=np.float64) for v in corners]

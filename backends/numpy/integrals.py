@@ -10,16 +10,26 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from teg.backends.numpy.arrays import NUMPY
 from teg.backends.numpy.lanes import Array, Block, Run, Value, cut, gather, on_lanes, parts, scatter
+from teg.backends.numpy.pieces import Pieces
 from teg.backends.shared import rules
-from teg.backends.shared.bends import Bend, Substitution, inside, substitution
+from teg.backends.shared.bends import Bends, Substitution, inside, substitution
 from teg.backends.shared.rules import rounding
 from teg.numerics.quadrature import gauss_legendre
 from teg.program import INSIDE, ROUNDING
+
+
+class _Outside(NamedTuple):
+    """What comes from outside of an integral, a value a lane: base, scale and coefficients of bends, and what `flags` and `body` take."""
+
+    bends: Sequence[Array]
+    for_flags: Sequence[Array]
+    for_body: Sequence[Array]
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,60 +62,48 @@ class Integral:
     def __call__(
         self,
         run: Run,
-        lo: Value,
-        hi: Value,
-        breaks: tuple[Value, ...],
+        ends: tuple[Value, ...],
         bends: tuple[Value, ...],
         for_flags: tuple[Value, ...],
         for_body: tuple[Value, ...],
         when: Value = True,
     ) -> tuple[Value, ...]:
-        """Returns the results, of the arguments' common shape; `bends`: base, scale, coefficients; `for_…`: what blocks take from
-        outside."""
-        counts = (len(breaks), len(bends), len(for_flags))
+        """Returns the results, of the arguments' common shape; `ends`: the bounds, then breaks; `bends`: base, scale, coefficients;
+        `for_…`: what blocks take from outside."""
+        first, second = len(ends) + len(bends), len(ends) + len(bends) + len(for_flags)
 
         def work(given: Sequence[Array], lanes: int) -> Array:
-            return self._lanes(run, given, counts, lanes)
+            outside = _Outside(given[len(ends) : first], given[first:second], given[second:])
+            return self._lanes(run, given[: len(ends)], outside, lanes)
 
-        step = run.chunk(self.piece_width, len(breaks) + 1)
-        return on_lanes(work, (lo, hi, *breaks, *bends, *for_flags, *for_body), when, self.results, 0.0, step)
+        step = run.chunk(self.piece_width, len(ends) - 1)
+        return on_lanes(work, (*ends, *bends, *for_flags, *for_body), when, self.results, 0.0, step)
 
-    def _lanes(self, run: Run, given: Sequence[Array], counts: tuple[int, int, int], lanes: int) -> Array:
-        """Returns the results on flat lanes, (results, lanes); `given`: lo, hi, breaks, of bends, for flags, for body."""
-        lo, hi = given[0], given[1]
-        first = 2 + counts[0]
-        points = np.empty((counts[0] + 2, lanes))
-        for row, values in zip(points, rules.ends_of_pieces(np, lo, hi, given[2:first]), strict=True):
+    def _lanes(self, run: Run, ends: Sequence[Array], outside: _Outside, lanes: int) -> Array:
+        """Returns the results on flat lanes, (results, lanes)."""
+        lo, hi, *breaks = ends
+        points = np.empty((len(ends), lanes))
+        for row, values in zip(points, rules.ends_of_pieces(np, lo, hi, breaks), strict=True):
             row[:] = values
-        if counts[0] > 1:
+        if len(breaks) > 1:
             points[1:-1].sort(axis=0)
         p, q = points[:-1].reshape(-1), points[1:].reshape(-1)
         not_a_bound = np.isnan if self.infinite else _not_finite
         broken = np.broadcast_to(not_a_bound(lo) | not_a_bound(hi), (lanes,))
-        kept = np.flatnonzero(rules.is_wide(np, p, q) & ~np.tile(broken, counts[0] + 1))
-        second, third = first + counts[1], first + counts[1] + counts[2]
-        sums = self._pieces(run, p[kept], q[kept], kept % lanes, lanes, given[first:second], given[second:third], given[third:])
+        kept = np.flatnonzero(rules.is_wide(np, p, q) & ~np.tile(broken, len(breaks) + 1))
+        sums = self._pieces(run, (p[kept], q[kept]), kept % lanes, outside, lanes)
         sums[: self.values] *= np.where(lo <= hi, 1.0, -1.0)
         sums[:, broken] = np.nan
         return sums
 
-    def _pieces(
-        self,
-        run: Run,
-        p: Array,
-        q: Array,
-        lane: Array,
-        lanes: int,
-        of_bends: Sequence[Array],
-        for_flags: Sequence[Array],
-        for_body: Sequence[Array],
-    ) -> Array:
-        """Returns the sums over the pieces (p, q) of each lane, (results, lanes)."""
+    def _pieces(self, run: Run, ends: tuple[Array, Array], lane: Array, outside: _Outside, lanes: int) -> Array:
+        """Returns the sums over the pieces between `ends` of each lane, (results, lanes)."""
+        (p, q), (of_bends, for_flags, for_body) = ends, outside
         flagged: list[Value] = []
         base, scale, *coefficients = (gather(v, lane) for v in of_bends) if of_bends else (0.0, 1.0)
         if self.flags is not None and p.size:
-            ends = (p, q) if self.ends else ()
-            need, *flagged = self.flags(run, inside(np, p, q, INSIDE, self.infinite, scale), *ends, *(gather(v, lane) for v in for_flags))
+            asked = ends if self.ends else ()
+            need, *flagged = self.flags(run, inside(np, p, q, INSIDE, self.infinite, scale), *asked, *(gather(v, lane) for v in for_flags))
             if not np.all(need):
                 kept = np.flatnonzero(np.broadcast_to(need, p.shape))
                 p, q, lane, base, scale, *coefficients = (gather(v, kept) for v in (p, q, lane, base, scale, *coefficients))
@@ -114,18 +112,18 @@ class Integral:
             return np.zeros((self.results, lanes))
         active, flagged = flagged[: len(self.bends)], flagged[len(self.bends) :]
         values = [*(gather(v, lane) for v in for_body), *flagged]
-        bends = [(kind, *coefficients[3 * i : 3 * i + 3], active[i]) for i, kind in enumerate(self.bends)]
-        return scatter(self._rule(run, self._places(p, q, base, bends, scale), (base, bends), values), lane, lanes)
+        bends = Bends(base, [(kind, *coefficients[3 * i : 3 * i + 3], active[i]) for i, kind in enumerate(self.bends)])
+        return scatter(self._rule(Pieces(run, self._places(p, q, bends, scale), values), bends), lane, lanes)
 
     @property
     def is_cubic(self) -> bool:
         """Whether pieces without a bend have the substitution with flat ends."""
         return False
 
-    def _places(self, p: Array, q: Array, base: Value, bends: Sequence[Bend], scale: Value) -> Substitution:
-        return substitution(NUMPY, p, q, base, bends, self.is_cubic, not np.isfinite(q - p).all(), scale)
+    def _places(self, p: Array, q: Array, bends: Bends, scale: Value) -> Substitution:
+        return substitution(NUMPY, (p, q), bends, self.is_cubic, not np.isfinite(q - p).all(), scale)
 
-    def _rule(self, run: Run, places: Substitution, bends: tuple[Value, Sequence[Bend]], values: Sequence[Value]) -> Array:
+    def _rule(self, pieces: Pieces, bends: Bends) -> Array:
         """Returns the integrals over the pieces, and the estimates of their errors, (results, pieces)."""
         raise NotImplementedError
 
@@ -140,7 +138,8 @@ class GaussIntegral(Integral):
 
     nodes: int = 1
 
-    def _rule(self, run: Run, places: Substitution, _: tuple[Value, Sequence[Bend]], values: Sequence[Value]) -> Array:
+    def _rule(self, pieces: Pieces, bends: Bends) -> Array:
+        run, places, values = pieces.run, pieces.places, pieces.values
         nodes, weights = (np.array(column) for column in gauss_legendre(self.nodes))
         p, q = places.p, places.q
         middle, half = 0.5 * (p + q), 0.5 * (q - p)
@@ -168,7 +167,8 @@ class MidpointIntegral(Integral):
 
     nodes: int = 1
 
-    def _rule(self, run: Run, places: Substitution, _: tuple[Value, Sequence[Bend]], values: Sequence[Value]) -> Array:
+    def _rule(self, pieces: Pieces, bends: Bends) -> Array:
+        run, places, values = pieces.run, pieces.places, pieces.values
         p, q = places.p, places.q
         sums = np.zeros((self.results, p.size))
         self._count(run, p.size * self.nodes)

@@ -12,8 +12,8 @@ from typing import cast
 
 import numpy as np
 
-from teg.backends.numpy.lanes import BOX, Array, Block, Run, Value, evaluated, on_lanes, scatter
-from teg.backends.shared.roots import examined, newton_step, touches
+from teg.backends.numpy.lanes import BOX, Array, Run, Sized, Value, on_lanes, scatter
+from teg.backends.shared.roots import Ends, examined, newton_step, touches
 from teg.program import BOX_COST, ISOLATE_DEPTH, ISOLATE_STEPS
 
 
@@ -21,35 +21,32 @@ from teg.program import BOX_COST, ISOLATE_DEPTH, ISOLATE_STEPS
 class Isolation:
     """The roots of a function: interval bisection, then Newton's method.
 
-    `enclosure` and `point` are printed blocks, `count` the number of roots there is room for, `tol` and `width` those of the statement;
-    the other widths are the doubles that a lane of each block takes. With `estimated` the errors of the roots come behind them.
+    `count` is the number of roots there is room for, `tol` and `width` are those of the statement. With `estimated` the errors of the roots
+    come behind them.
     """
 
-    enclosure: Block
-    point: Block
+    enclosure: Sized
+    point: Sized
     count: int
     estimated: bool
     tol: float
     width: int
-    enclosure_width: int
-    point_width: int
 
     def __call__(
         self,
         run: Run,
-        lo: Value,
-        hi: Value,
+        ends: tuple[Value, Value],
         for_enclosure: tuple[Value, ...],
         for_point: tuple[Value, ...],
         when: Value = True,
     ) -> tuple[Value, ...]:
-        """Returns the roots, of the arguments' common shape, ascending; `for_…` are the values that the blocks take from outside."""
+        """Returns the roots, of the arguments' common shape, ascending; `for_…`: what the blocks take from outside."""
 
         def work(given: Sequence[Array], lanes: int) -> Array:
             first = 2 + len(for_enclosure)
             return _Search(self, run, given[2:first], given[first:]).roots(given[0], given[1], lanes)
 
-        given = (lo, hi, *for_enclosure, *for_point)
+        given = (*ends, *for_enclosure, *for_point)
         found = on_lanes(work, given, when, 2 * self.count, np.inf, run.chunk(len(given) + BOX * self.width))
         return found if self.estimated else found[: self.count]
 
@@ -153,7 +150,7 @@ class _Search:
             bounds = self._enclosed(boxes)
             g, slope, _ = self._at(boxes.lane, m)
             changes, sloped = boxes.changes, ~(np.isnan(boxes.slope_p) | np.isnan(boxes.slope_q))
-            monotone, bent, left, blurred = examined(np, bounds, g, slope, h, changes, boxes.known, sloped)
+            monotone, bent, left, blurred = examined(np, bounds, (g, slope), h, Ends(changes, boxes.known, sloped))
             crossing.append(boxes[(monotone | bent) & changes])
             turning.append(boxes[bent & ~changes & boxes.turns & ((boxes.at_p > 0.0) == (bounds[4] > 0.0))])
             lost.append(boxes[left if level == ISOLATE_DEPTH else left & blurred])
@@ -194,7 +191,7 @@ class _Search:
             if not v.size:
                 break
             g, slope = self._at(lane, v)[order : order + 2]
-            v, p, q, size, done = newton_step(np, g, slope, v, p, q, above, before)
+            v, p, q, size, done = newton_step(np, (g, slope), v, (p, q), above, before)
             root[where] = v
             going = np.flatnonzero(~done)
             before, last = last[going], size[going]
@@ -215,22 +212,19 @@ class _Search:
     def _at(self, lane: Array, v: Array) -> Array:
         """Returns g, its slope and its curvature, (3, points), at points v of their lanes."""
         self.run.searched += BOX_COST * lane.size
-        return evaluated(self.run, self.isolation.point, self.isolation.point_width, 3, lane, (v,), self.for_point)
+        return self.isolation.point.at(self.run, lane, (v,), self.for_point)
 
     def _enclosed(self, boxes: _Boxes) -> Array:
         """Returns bounds of g, of its slope and of its curvature, and the noise, (7, boxes)."""
-        width, ends = self.isolation.enclosure_width, (boxes.p, boxes.q)
         self.run.searched += BOX_COST * boxes.lane.size
-        return evaluated(self.run, self.isolation.enclosure, width, 7, boxes.lane, ends, self.for_enclosure)
+        return self.isolation.enclosure.at(self.run, boxes.lane, (boxes.p, boxes.q), self.for_enclosure)
 
 
 @dataclass(frozen=True, slots=True)
 class PointSum:
-    """The sums of `results` values of a body over points, those that are there; `width` doubles a point."""
+    """The sums of the values of a body over points, those that are there."""
 
-    body: Block
-    results: int
-    width: int
+    body: Sized
 
     def __call__(self, run: Run, points: tuple[Value, ...], for_body: tuple[Value, ...], when: Value = True) -> tuple[Value, ...]:
         """Returns the sums, of the arguments' common shape; `for_body` are the values that the body takes from outside."""
@@ -240,14 +234,14 @@ class PointSum:
             unknown = np.isnan(at).any(axis=0)
             there = np.flatnonzero(np.isfinite(at) & ~unknown)
             lane = there % lanes
-            values = evaluated(run, self.body, self.width, self.results, lane, (at.reshape(-1)[there],), given[len(points) :])
-            sums = scatter(values, lane, lanes).reshape((self.results, lanes))
+            values = self.body.at(run, lane, (at.reshape(-1)[there],), given[len(points) :])
+            sums = scatter(values, lane, lanes).reshape((results, lanes))
             sums[:, unknown] = np.nan
             return sums
 
-        given = (*points, *for_body)
-        step = run.chunk(len(given) + (2 + self.results) * len(points), max(1, len(points)))
-        return on_lanes(work, given, when, self.results, 0.0, step)
+        given, results = (*points, *for_body), self.body.results
+        step = run.chunk(len(given) + (2 + results) * len(points), max(1, len(points)))
+        return on_lanes(work, given, when, results, 0.0, step)
 
 
 def _table(lane: Array, columns: Sequence[Array], results: int, refused: Array, instead: float) -> Array:

@@ -6,17 +6,17 @@ A program becomes flat Python functions, one a block, over arrays of lanes (see 
 
     def kernel(run, p0, p1):                                     the outermost block, on the batch
         v0 = p0 * p1
-        v1, = integral_0(run, 0.0, p1, (v0,), (), (v0,))         bounds, breaks, values for flags, for body
+        v1, = integral_0(run, (0.0, p1, v0), (), (), (v0,))          bounds and breaks, bends, values for flags, for body
         return (v1,)
 
     def body_0(run, x0, v0): …
-    integral_0 = integrals.GaussIntegral(flags=None, body=body_0, results=1, piece_width=7, node_width=3, nodes=4)
+    integral_0 = integrals.GaussIntegral(flags=None, body=body_0, values=1, piece_width=7, node_width=3, nodes=4)
 
 Roots, sums over them and common zeros are called likewise (see `isolate.py`, `locate.py`):
 
-    v1, v2 = isolation_1(run, 0.0, p1, (v0,), (v0,))             bounds, values for enclosure, for point
+    v1, v2 = isolation_1(run, (0.0, p1), (v0,), (v0,))           bounds, values for enclosure, for point
     v3, = sum_2(run, (v1, v2), (v0,))                            points, values for body
-    v4, = location_3(run, 0.0, p1, -1.0, 1.0, (v0,))             bounds of v, of u, values for enclosure
+    v4, = location_3(run, (0.0, p1, -1.0, 1.0), (v0,))           bounds of v, of u, values for enclosure
     v5, = mean_4(run, (v0,))                                     values for body: a mean over points (see `samples.py`)
 
 A long block is cut into parts of bounded size, which hand on the values that outlive them in a dictionary.
@@ -97,7 +97,7 @@ class NumpyKernel:
         self._width = width
         self._room = max(1, memory // 8 // (1 + 2 * depth(without_branches(program).body)))
         scope: dict[str, Any] = {"np": np, "rt": rt, "sampling": sampling, "polygons": polygons}
-        scope |= {"integrals": integrals, "adaptive": adaptive, "isolate": isolate, "locate": locate}
+        scope |= {"integrals": integrals, "adaptive": adaptive, "isolate": isolate, "locate": locate, "lanes": lanes}
         scope |= {"poles": poles, "hyperbolas": hyperbolas, "ellipses": ellipses, "guards": guards}
         for k, body in enumerate(functions):
             scope[f"function_{k}"] = _made(body, dict(scope))
@@ -279,23 +279,23 @@ class _Printer:
         enclosure, point = f"enclosure_{number}", f"point_{number}"
         enclosed = (*stmt.bounds, *stmt.curving, stmt.noise)
         enclosure_width = self.function(enclosure, [stmt.left, stmt.right, *for_enclosure], stmt.enclosure, enclosed)
-        point_width = self.function(point, [stmt.var, *for_point], stmt.point, (stmt.value, stmt.slope, stmt.curvature))
-        fields = f"enclosure={enclosure}, point={point}, count={len(stmt.results)}, estimated={bool(stmt.errors)!r}"
-        fields += f", tol={_text(stmt.tol)}, width={stmt.width}, enclosure_width={enclosure_width}, point_width={point_width}"
-        self.lines += ["", "", f"isolation_{number} = isolate.Isolation(", f"    {fields}", ")"]
+        at = stmt.value, stmt.slope, stmt.curvature
+        point_width = self.function(point, [stmt.var, *for_point], stmt.point, at)
+        blocks = f"enclosure={_sized(enclosure, enclosed, enclosure_width)}, point={_sized(point, at, point_width)}"
+        fields = f"count={len(stmt.results)}, estimated={bool(stmt.errors)!r}, tol={_text(stmt.tol)}, width={stmt.width}"
+        self.lines += ["", "", f"isolation_{number} = isolate.Isolation(", f"    {blocks},", f"    {fields}", ")"]
 
     def location(self, number: int, stmt: Locate) -> None:
         enclosure = f"enclosure_{number}"
         sides = [stmt.left, stmt.right, stmt.bottom, stmt.top]
         width = self.function(enclosure, [*sides, *captured(stmt, "enclosure")[0]], stmt.enclosure, stmt.bounds)
-        fields = f"enclosure={enclosure}, results={len(stmt.results)}, width={width}"
-        fields += f", bounds={len(stmt.bounds)}, counts={stmt.lost is not None}"
+        fields = f"enclosure={_sized(enclosure, stmt.bounds, width)}, results={len(stmt.results)}, counts={stmt.lost is not None}"
         self.lines += ["", "", f"location_{number} = locate.Location({fields})"]
 
     def sum(self, number: int, stmt: SumOver) -> None:
         body = f"body_{number}"
         width = self.function(body, [stmt.var, *captured(stmt, "body")[0]], stmt.body, stmt.values)
-        self.lines += ["", "", f"sum_{number} = isolate.PointSum(body={body}, results={len(stmt.results)}, width={width})"]
+        self.lines += ["", "", f"sum_{number} = isolate.PointSum(body={_sized(body, stmt.values, width)})"]
 
     def mean(self, number: int, stmt: Sample) -> None:
         body, tested = f"body_{number}", len(stmt.estimates)
@@ -393,36 +393,38 @@ class _Printer:
         match stmt:
             case Integrate():
                 for_flags, for_body = captured(stmt, "flags")[0], captured(stmt, "body", "block")[0]
-                listed_breaks, bends = map(_text, stmt.breaks), map(_text, of_bends(stmt))
-                name, limits, groups = "integral", [stmt.lo, stmt.hi], [listed_breaks, bends, for_flags, for_body]
+                ends = map(_text, (stmt.lo, stmt.hi, *stmt.breaks))
+                name, groups = "integral", [ends, map(_text, of_bends(stmt)), for_flags, for_body]
             case Isolate():
-                name, limits, groups = "isolation", [stmt.lo, stmt.hi], [captured(stmt, name)[0] for name in ("enclosure", "point")]
+                outside = (captured(stmt, block)[0] for block in ("enclosure", "point"))
+                name, groups = "isolation", [map(_text, (stmt.lo, stmt.hi)), *outside]
             case Locate():
-                name, limits, groups = "location", [stmt.lo, stmt.hi, stmt.low, stmt.high], [captured(stmt, "enclosure")[0]]
+                limits = map(_text, (stmt.lo, stmt.hi, stmt.low, stmt.high))
+                name, groups = "location", [limits, captured(stmt, "enclosure")[0]]
             case SumOver():
-                name, limits, groups = "sum", [], [map(_text, stmt.points), captured(stmt, "body")[0]]
+                name, groups = "sum", [map(_text, stmt.points), captured(stmt, "body")[0]]
             case Sample():
-                name, limits, groups = "mean", [], [captured(stmt, "body")[0]]
+                name, groups = "mean", [captured(stmt, "body")[0]]
             case Polygon():
                 planes = [_text(arg) for g in stmt.half_planes for arg in (g.a, g.b, g.c)]
                 planes += [_text(arg) for arg in (*(arg for p in stmt.corners for arg in p), stmt.across)] if stmt.corners else []
-                groups = [planes, *(captured(stmt, block)[0] for block in ("setup", "body"))]
-                name, limits = "polygon", [stmt.width, stmt.height]
+                box = [_text(stmt.width), _text(stmt.height), *planes]
+                name, groups = "polygon", [box, *(captured(stmt, block)[0] for block in ("setup", "body"))]
             case Segment():
-                name, limits, groups = "segment", [], [captured(stmt, block)[0] for block in ("setup", "scales", "body")]
+                name, groups = "segment", [captured(stmt, block)[0] for block in ("setup", "scales", "body")]
             case Hyperbola():
-                name, limits = "hyperbola", [*stmt.corners, stmt.turn]
-                groups = [[_text(c) for m in stmt.moments for _, _, c in m.terms], captured(stmt, "scales")[0]]
+                corners, coefficients = map(_text, (*stmt.corners, stmt.turn)), [_text(c) for m in stmt.moments for _, _, c in m.terms]
+                name, groups = "hyperbola", [corners, coefficients, captured(stmt, "scales")[0]]
             case Ellipse():
                 coefficients = [_text(c) for m in stmt.moments for _, _, c in m.terms]
                 planes = [_text(arg) for g in stmt.half_planes for arg in (g.a, g.b, g.c)]
-                name, limits, groups = "ellipse", [], [map(_text, stmt.matrix), map(_text, stmt.place), coefficients, planes]
+                name, groups = "ellipse", [map(_text, stmt.matrix), map(_text, stmt.place), coefficients, planes]
             case When():
                 raise AssertionError("branches are written out")
             case _:
                 assert_never(stmt)
         listed = [list(group) for group in groups]
-        arguments = ["run", *map(_text, limits), *(f"({inside(group)})" for group in listed), *(() if stmt.when is None else (stmt.when,))]
+        arguments = ["run", *(f"({inside(group)})" for group in listed), *(() if stmt.when is None else (stmt.when,))]
         self.lines.append(f"    {inside(assigned(stmt))} = {name}_{self.printed}({', '.join(arguments)})")
         self.waiting.append((self.printed, stmt))
         self.printed += 1
@@ -432,6 +434,10 @@ class _Printer:
 def _tie(stmt: Assign) -> str:
     g, scale, r, k = stmt.args
     return f"{stmt.name} = rt.tie(run, {strict(g, 'np')}, {_text(scale)}, {_text(r)}, {_text(k)})"
+
+
+def _sized(name: str, results: Sequence[Arg], width: int) -> str:
+    return f"lanes.Sized({name}, {len(results)}, {width})"
 
 
 def _text(arg: Arg) -> str:

@@ -107,19 +107,20 @@ BOX = 20
 """Doubles that a box takes while its level is examined."""
 
 
-def evaluated(
-    run: Run,
-    block: Block,
-    width: int,
-    results: int,
-    lane: Array,
-    at: Sequence[Array],
-    given: Sequence[Array],
-) -> Array:
-    """Returns the results of a block, (results, places), at places in lanes; `given` has a value a lane."""
-    found = np.empty((results, lane.size))
-    for part in parts(lane.size, run.chunk(width)):
-        index = lane[part]
-        for row, value in zip(found, block(run, *(a[part] for a in at), *(gather(v, index) for v in given)), strict=True):
-            row[part] = value
-    return found
+@dataclass(frozen=True, slots=True)
+class Sized:
+    """A printed block, how many results it has, and the doubles that a lane of it takes."""
+
+    block: Block
+    results: int
+    width: int
+
+    def at(self, run: Run, lane: Array, places: Sequence[Array], given: Sequence[Array]) -> Array:
+        """Returns the results, (results, places), at places in lanes; `given` has a value a lane."""
+        found = np.empty((self.results, lane.size))
+        for part in parts(lane.size, run.chunk(self.width)):
+            index = lane[part]
+            values = self.block(run, *(a[part] for a in places), *(gather(v, index) for v in given))
+            for row, value in zip(found, values, strict=True):
+                row[part] = value
+        return found

@@ -12,7 +12,7 @@ from typing import cast
 
 import numpy as np
 
-from teg.backends.numpy.lanes import BOX, Array, Block, Run, Value, evaluated, on_lanes
+from teg.backends.numpy.lanes import BOX, Array, Run, Sized, Value, on_lanes
 from teg.backends.shared.roots import Halving, excluded, next_halving, plane_step, refuted
 from teg.program import LOCATE_HALVINGS, LOCATE_LOST, LOCATE_MOST, LOCATE_NARROW, LOCATE_SAME, LOCATE_STEPS, LOCATE_WIDTH, LOCATE_ZEROS
 
@@ -21,35 +21,29 @@ from teg.program import LOCATE_HALVINGS, LOCATE_LOST, LOCATE_MOST, LOCATE_NARROW
 class Location:
     """The places v where two functions of (v, u) have a common zero: interval bisection of a rectangle.
 
-    `enclosure` is a printed block that gives `bounds` numbers, `results` the number of places there is room for, `width` the doubles that a
-    lane of the block takes; `counts`: the part of the rectangle that was given up is asked for.
+    `results` is the number of places there is room for; `counts`: the part of the rectangle that was given up is asked for.
     """
 
-    enclosure: Block
+    enclosure: Sized
     results: int
-    width: int
-    bounds: int = 4
     counts: bool = False
 
     def __call__(
         self,
         run: Run,
-        lo: Value,
-        hi: Value,
-        low: Value,
-        high: Value,
+        limits: tuple[Value, ...],
         for_enclosure: tuple[Value, ...],
         when: Value = True,
     ) -> tuple[Value, ...]:
-        """Returns the places, of the arguments' common shape, ascending, then the part that was given up; `for_enclosure` are the values
-        that the block takes from outside."""
+        """Returns the places, of the arguments' common shape, ascending, then the part that was given up; `limits` are those of v, then
+        those of u, `for_enclosure` the values that the block takes from outside."""
 
         def work(given: Sequence[Array], lanes: int) -> Array:
             found = _Locating(self, run, given[4:]).places(given[:4], lanes)
             run.missed |= bool((found[-1] > LOCATE_LOST).any())
             return found if self.counts else found[:-1]
 
-        given = (lo, hi, low, high, *for_enclosure)
+        given = (*limits, *for_enclosure)
         results = on_lanes(work, given, when, self.results + self.counts, np.inf, run.chunk(len(given) + BOX * LOCATE_WIDTH))
         return (*results[:-1], np.where(np.isinf(results[-1]), 0.0, results[-1])) if self.counts else results
 
@@ -133,7 +127,7 @@ class _Locating:
     def _bounds(self, lane: Array, near: Array, far: Array) -> Array:
         """Returns bounds over rectangles between two corners."""
         sides = near[0], far[0], near[1], far[1]
-        return evaluated(self.run, self.location.enclosure, self.location.width, self.location.bounds, lane, sides, self.given)
+        return self.location.enclosure.at(self.run, lane, sides, self.given)
 
 
 def _joined(found: _Places, extent: Array, area: Array) -> tuple[Array, Array, Array]:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from teg.backends.numpy.integrals import Integral
-from teg.backends.numpy.lanes import Array, Run, Value, cut, parts
-from teg.backends.shared.bends import Bend, Substitution
+from teg.backends.numpy.lanes import Array, Value, cut, parts
+from teg.backends.numpy.pieces import Pieces
+from teg.backends.shared.bends import Bends, Substitution
 from teg.backends.shared.poles import pole_at, pole_weights
 from teg.backends.shared.rules import rounding
 from teg.numerics.quadrature import gauss_legendre, null_rules
@@ -23,16 +23,17 @@ class RationalIntegral(Integral):
     nodes: int = 1
     power: int = 1
 
-    def _places(self, p: Array, q: Array, base: Value, bends: Sequence[Bend], scale: Value) -> Substitution:
-        return Integral._places(self, p, q, base, (), scale)
+    def _places(self, p: Array, q: Array, bends: Bends, scale: Value) -> Substitution:
+        return Integral._places(self, p, q, Bends(bends.base), scale)
 
-    def _rule(self, run: Run, places: Substitution, bends: tuple[Value, Sequence[Bend]], values: Sequence[Value]) -> Array:
+    def _rule(self, pieces: Pieces, bends: Bends) -> Array:
+        run, places, values = pieces.run, pieces.places, pieces.values
         base, ((_, c0, c1, _, when),) = bends
         nodes, plain = (np.array(column) for column in gauss_legendre(self.nodes))
         highest = np.array(null_rules(self.nodes)[0])
         p, q = places.p, places.q
         middle, half = 0.5 * (p + q), 0.5 * (q - p)
-        pole = pole_at(np, self.power, p, q, base, c0, c1, when)
+        pole = pole_at(np, self.power, (p, q), base, (c0, c1), when)
         w = np.where(pole.clear, pole_weights(np, self.nodes, self.power, pole.low, pole.high), plain[:, None])
         sums = np.empty((self.results, p.size))
         self._count(run, p.size * self.nodes)

@@ -1,6 +1,6 @@
 """Clipped polygons and segments over lanes, which the printed NumPy programs call as `polygons`.
 
-    v1, v2 = polygon_0(run, width, height, (a, b, c, …), (v0,), (v0,))      half-planes; values for setup, for body
+    v1, v2 = polygon_0(run, (width, height, a, b, c, …), (v0,), (v0,))      box and half-planes; values for setup, for body
     v3, = segment_1(run, (v0,), (v0,), (v0,))                               values for setup, for scales, for body
 
 A lane is clipped if no half-plane fails on its box, `setup` runs on those lanes only. The corners are rows of an array, of which each lane
@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -25,6 +25,15 @@ from teg.program import NEARLY, THIN, TIE_EPS
 Array = npt.NDArray[Any]
 
 
+class _Nodes(NamedTuple):
+    """Nodes on pieces: coordinates, each (nodes, pieces), weights, (nodes,), the length or area of each piece, and its lane."""
+
+    at: Sequence[Array]
+    weights: Array
+    lengths: Array
+    lane: Array
+
+
 @dataclass(frozen=True, slots=True)
 class Domain:
     """The common part of polygons and segments: printed blocks, `values` results, the doubles that a node takes, and whether `body` is
@@ -35,26 +44,17 @@ class Domain:
     values: int
     width: int
 
-    def _totals(
-        self,
-        run: Run,
-        at: Sequence[Array],
-        weights: Array,
-        lengths: Array,
-        given: Sequence[Value],
-        lane: Array,
-        lanes: int,
-        once: bool = False,
-    ) -> Array:
+    def _totals(self, run: Run, nodes: _Nodes, given: Sequence[Value], lanes: int, once: bool = False) -> Array:
         """Returns the sums of weights·values over the nodes of each piece, times its length, in its lane: (values, lanes); `once`: one node
         counts for a whole lane."""
+        lane, weights = nodes.lane, nodes.weights
         sums = np.empty((self.values, lane.size))
         run.evaluations += np.unique(lane).size if once else lane.size * len(weights)
         for part in parts(lane.size, run.chunk(self.width, len(weights))):
-            found = self.body(run, *(x[:, part] for x in at), *(gather(v, lane[part]) for v in given))
+            found = self.body(run, *(x[:, part] for x in nodes.at), *(gather(v, lane[part]) for v in given))
             for total, value in zip(sums, found, strict=True):
                 total[part] = weights @ value if np.ndim(value) == 2 else weights.sum() * value
-        sums *= lengths
+        sums *= nodes.lengths
         return scatter(sums, lane, lanes)
 
 
@@ -70,22 +70,19 @@ class PolygonIntegral(Domain):
     def __call__(
         self,
         run: Run,
-        width: Value,
-        height: Value,
-        planes: tuple[Value, ...],
+        box: tuple[Value, ...],
         for_setup: tuple[Value, ...],
         for_body: tuple[Value, ...],
         when: Value = True,
     ) -> tuple[Value, ...]:
-        """Returns the results, of the arguments' common shape."""
-        count, setups = len(planes), len(for_setup)
+        """Returns the results, of the arguments' common shape; `box`: its width and its height, then half-planes."""
+        first, second = len(box), len(box) + len(for_setup)
 
         def work(given: Sequence[Array], lanes: int) -> Array:
-            box, inner = given[: 2 + count], given[2 + count :]
-            return self._lanes(run, box, inner[:setups], inner[setups:], lanes)
+            return self._lanes(run, given[:first], given[first:second], given[second:], lanes)
 
         step = run.chunk(8 * (4 + len(self.closed)) + len(for_setup) + len(for_body))
-        return on_lanes(work, (width, height, *planes, *for_setup, *for_body), when, self.values, 0.0, step)
+        return on_lanes(work, (*box, *for_setup, *for_body), when, self.values, 0.0, step)
 
     def _lanes(self, run: Run, box: Sequence[Array], for_setup: Sequence[Array], for_body: Sequence[Array], lanes: int) -> Array:
         width, height, *planes = (np.broadcast_to(v, (lanes,)) for v in box)
@@ -109,7 +106,7 @@ class PolygonIntegral(Domain):
             at, across = np.array([p[active] for p in known_points[:6]]).reshape(3, 2, -1), known_points[6][active]
             thin = across < THIN * swing
         for i in range(len(self.closed)):
-            places, corners = clipped(places, corners, ~thin & (least[i] < 0.0), *planes[3 * i : 3 * i + 3])
+            places, corners = clipped(places, corners, ~thin & (least[i] < 0.0), planes[3 * i : 3 * i + 3])
         if self.triangle:
             carried = [(planes[3 * k + 2] + planes[3 * k] * places[0] + planes[3 * k + 1] * places[1]) * (1.0 / across) for k in (1, 2)]
             places = np.stack([*places, *carried])
@@ -129,7 +126,7 @@ class PolygonIntegral(Domain):
         nodes = [x + r * ux + s * vx, y + r * uy + s * vy]
         nodes += [p[0][lane] + r * (p[k, lane] - p[0][lane]) + s * (p[k + 1, lane] - p[0][lane]) for p in places[2:]]
         given = [*(gather(v, active) for v in for_body), *after[:ends]]
-        found = self._totals(run, nodes, w[:, 0], 0.5 * (ux * vy - vx * uy), given, lane, active.size, self.degree == 0)
+        found = self._totals(run, _Nodes(nodes, w[:, 0], 0.5 * (ux * vy - vx * uy), lane), given, active.size, self.degree == 0)
         sums[:, active] = _times(after[ends:], found)
         return sums
 
@@ -140,8 +137,7 @@ def meets(planes: Sequence[Array], closed: Sequence[bool], width: Array, height:
     least: list[Array] = []
     swings: list[Array] = []
     for i, is_closed in enumerate(closed):
-        a, b, c = planes[3 * i : 3 * i + 3]
-        low, most = half_planes.least_and_most(np, a, b, c, width, height)
+        low, most = half_planes.least_and_most(np, planes[3 * i : 3 * i + 3], (width, height))
         fails |= half_planes.fails(np, low, most, is_closed)
         known &= np.isfinite(most - low)
         least.append(low)
@@ -149,9 +145,10 @@ def meets(planes: Sequence[Array], closed: Sequence[bool], width: Array, height:
     return fails, known, least, swings
 
 
-def clipped(places: Array, corners: Array, cuts: Array, a: Array, b: Array, c: Array, exact: Array | None = None) -> tuple[Array, Array]:
-    """Polygons, corners in rows, cut by a half-plane each where it `cuts`: (coordinates, rows, lanes), and how many corners there are.
-    The first two coordinates are places; where the border is along an axis, `exact` is where."""
+def clipped(places: Array, corners: Array, cuts: Array, plane: Sequence[Array], exact: Array | None = None) -> tuple[Array, Array]:
+    """Polygons, corners in rows, cut by a half-plane (a, b, c) each where it `cuts`: (coordinates, rows, lanes), and how many corners there
+    are. The first two coordinates are places; where the border is along an axis, `exact` is where."""
+    a, b, c = plane
     _, rows, lanes = places.shape
     number, lane = np.arange(rows)[:, None], np.arange(lanes)
     there = number < corners
@@ -186,12 +183,12 @@ def _thin(at: Array, width: Array, height: Array, planes: Sequence[Array]) -> tu
     places = np.array([[at[0][j], second[j], third[j]] for j in (0, 1)] + [[nothing, one, two], [nothing, two, one]])
     corners = np.full(width.size, 3)
     every = np.ones(width.size, bool)
-    for a, b, c, exact in ((su, nothing, nothing, nothing), (-su, nothing, su * width, width)):
-        places, corners = clipped(places, corners, every, a, b, c, exact)
-    for a, b, c, exact in ((nothing, sv, nothing, nothing), (nothing, -sv, sv * height, height)):
-        places, corners = clipped(places, corners, every, a, b, c, exact)
+    for *plane, exact in ((su, nothing, nothing, nothing), (-su, nothing, su * width, width)):
+        places, corners = clipped(places, corners, every, plane, exact)
+    for *plane, exact in ((nothing, sv, nothing, nothing), (nothing, -sv, sv * height, height)):
+        places, corners = clipped(places, corners, every, plane, exact)
     for i in range(0, len(planes), 3):
-        places, corners = clipped(places, corners, every, *planes[i : i + 3])
+        places, corners = clipped(places, corners, every, planes[i : i + 3])
     return places, corners
 
 
@@ -243,7 +240,7 @@ class SegmentIntegral(Domain):
         start, length = start[active], (stop - start)[active]
         t = start + length * (0.5 + nodes[:, None])
         given = [gather(v, active) for v in (*for_body, *to_body)]
-        found = self._totals(run, (t,), weights, length, given, np.arange(active.size), active.size)
+        found = self._totals(run, _Nodes((t,), weights, length, np.arange(active.size)), given, active.size)
         sums[:, active] = _times([gather(v, active) for v in after[ends + 4 * len(self.lines) :]], found)
         return sums
 

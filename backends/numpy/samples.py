@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from teg.backends.numpy.lanes import Array, Block, Run, Value, on_lanes, parts
-from teg.backends.shared.samples import coordinate
+from teg.backends.shared.samples import Points, coordinate
 from teg.numerics.sobol import replicated
 
 STRETCH = 2**14
@@ -27,7 +27,7 @@ def points(kind: str, seed: int, dimensions: int, count: int, first: int, last: 
     found = np.empty((dimensions, numbers.size))
     replicate, index = np.divmod(numbers, np.uint64(each))
     for d in range(dimensions):
-        found[d] = coordinate(np, kind, seed, d, count, replicate, index)
+        found[d] = coordinate(np, Points(kind, seed, count), d, replicate, index)
     found.flags.writeable = False
     return found
 

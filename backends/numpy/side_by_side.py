@@ -24,6 +24,7 @@ from teg.backends.c.lanes import Packed, packed
 from teg.backends.numpy.kernel import DIALECT, MEMORY, NumpyKernel, compile_numpy
 from teg.backends.text import assignment, inside, value
 from teg.program import Arg, Assign, Outcome, Program
+from teg.program.names import of_kind
 
 Array = npt.NDArray[np.float64]
 LEAST = 64
@@ -60,7 +61,7 @@ def _written(items: Sequence[Item]) -> Iterator[Assign]:
         for i, weight in enumerate(item.weights):
             at: dict[Arg, Arg] = {variable: places[i] for variable, places in item.places.items()}
             for s in item.body:
-                name = f"{s.name[0]}{next(names)}"
+                name = of_kind(s.name, next(names))
                 yield Assign(name, SPELLED.get(s.op, s.op), tuple(at.get(a, a) for a in s.args))
                 at[s.name] = name
             for number, total in zip(item.values, item.sums, strict=True):

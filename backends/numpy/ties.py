@@ -17,6 +17,7 @@ import numpy.typing as npt
 from teg.backends.numpy.kernel import compile_numpy
 from teg.backends.numpy.loops import LaneKernel, Lanes, Results, Running, lane_values
 from teg.program.arrays import Arg, ArrayProgram, Loop, Run, Step
+from teg.program.names import is_parameter
 
 Array = npt.NDArray[Any]
 AT_ONCE = 4096
@@ -26,8 +27,8 @@ MOST = 64
 
 
 class MetTie(NamedTuple):
-    """Two surfaces that coincide in one iteration: the element of the batch, the indices of the loops around, outermost first, and what
-    the flat program was given, by title."""
+    """Two surfaces that coincide in one iteration: the element of the batch, the indices of the loops around, outermost first, and
+    the parameters and entries of arrays that the flat program was given, by title."""
 
     surfaces: tuple[str, str]
     element: int
@@ -77,7 +78,8 @@ class _Watching(Running):
         differ = np.concatenate([_differing(kernel, columns, s, min(s + AT_ONCE, count)) for s in range(0, count, AT_ONCE)])
         for lane in np.flatnonzero(differ)[:MOST]:
             given = [c if c.ndim == 0 else c[lane : lane + 1] for c in columns]
-            inputs = {title: float(np.ravel(c)[0]) for title, c in zip(step.program.parameters, given, strict=True)}
+            titled = zip(step.program.parameters, step.inputs, given, strict=True)
+            inputs = {title: float(np.ravel(c)[0]) for title, arg, c in titled if is_parameter(arg) or title.endswith("]")}
             elements = range(lanes.size) if count == 1 and not self.kernel.around[id(step)] else [lane]
             for k in kernel.met_ties(given, 1):
                 for at in elements:

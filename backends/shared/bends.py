@@ -20,6 +20,13 @@ Bend = tuple[str, Any, Any, Any, Any]
 """Kind, c₀, c₁, c₂, and where the bend counts."""
 
 
+class Bends(NamedTuple):
+    """The bends of an integrand: `each` is c₀ + c₁·y + c₂·y² of y = v - base."""
+
+    base: Any = 0.0
+    each: Sequence[Bend] = ()
+
+
 class Substitution(NamedTuple):
     """v = centre + radius·φ(start + step·u) on the pieces (p, q), φ by `kind`."""
 
@@ -88,13 +95,13 @@ def inside(xp: Any, p: Any, q: Any, part: float, infinite: bool, scale: Any) -> 
     return xp.where(xp.isneginf(p), q - scale * ((1.0 - part) / part), right)
 
 
-def substitution(arrays: Arrays, p: Any, q: Any, base: Any, bends: Sequence[Bend], cubic: bool, infinite: bool, scale: Any) -> Substitution:
-    """Returns the substitution of each piece; `infinite`: pieces may be tails, of that `scale`."""
-    xp = arrays.xp
+def substitution(arrays: Arrays, ends: tuple[Any, Any], bends: Bends, cubic: bool, infinite: bool, scale: Any) -> Substitution:
+    """Returns the substitution of each piece, p to q; `infinite`: pieces may be tails, of that `scale`."""
+    xp, (p, q) = arrays.xp, ends
     kind = xp.full_like(p, CUBIC if cubic else LINE, dtype=xp.int32)
     result = Substitution(p, q, kind, p, q - p, xp.zeros_like(p), xp.ones_like(p))
-    if bends:
-        result = _bent(arrays, result, base, bends)
+    if bends.each:
+        result = _bent(arrays, result, bends)
     if infinite:
         left, tail = xp.isneginf(p), ~xp.isfinite(q - p)
         sign, zero = xp.where(left, -1.0, 1.0), xp.where(left, 1.0, 0.0)
@@ -119,16 +126,16 @@ class _Zeros(NamedTuple):
     end: Any
 
 
-def _bent(arrays: Arrays, straight: Substitution, base: Any, bends: Sequence[Bend]) -> Substitution:
+def _bent(arrays: Arrays, straight: Substitution, bends: Bends) -> Substitution:
     """Returns the substitution by the nearest bend, of equally near ones by the first; flat ends where two bends are at the two ends.
 
     All bends are rows of one computation: XLA would compile each of them again.
     """
-    xp = arrays.xp
+    xp, base = arrays.xp, bends.base
     p, q = straight.p - base, straight.q - base
     margin = POLE * xp.maximum(xp.abs(straight.p), xp.abs(straight.q))
-    nearest, both = _nearest(xp, _zeros(arrays, p, q, margin, bends))
-    kinds = frozenset(kind for kind, *_ in bends)
+    nearest, both = _nearest(xp, _zeros(arrays, p, q, margin, bends.each))
+    kinds = frozenset(kind for kind, *_ in bends.each)
     bent = arrays.choose(nearest.near < NEAR, partial(_around, xp, kinds), (p, q, base, *nearest[1:]), straight[2:])
     if both is not None:
         flat = CUBIC, p + base, q - p, 0.0, 1.0

@@ -19,8 +19,9 @@ class Pole(NamedTuple):
     loss: Any
 
 
-def pole_at(xp: Any, power: int, p: Any, q: Any, base: Any, c0: Any, c1: Any, when: Any) -> Pole:
-    """Returns the pole of D = c0 + c1·(v - base), to a power, and pieces (p, q) where it counts `when`."""
+def pole_at(xp: Any, power: int, ends: tuple[Any, Any], base: Any, line: tuple[Any, Any], when: Any) -> Pole:
+    """Returns the pole of D = c0 + c1·(v - base), the `line` (c0, c1), to a power, and pieces between `ends` where it counts `when`."""
+    (p, q), (c0, c1) = ends, line
     first, last = p - base, q - base
     low, high = c0 + c1 * first, c0 + c1 * last
     counts = when & xp.isfinite(c0) & xp.isfinite(c1)

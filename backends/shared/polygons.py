@@ -5,11 +5,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 
-def least_and_most(xp: Any, a: Any, b: Any, c: Any, width: Any, height: Any, zero: Any = 0.0) -> tuple[Any, Any]:
-    """Returns the bounds of a·x + b·y + c on a box from (0, 0) to (width, height)."""
+def least_and_most(xp: Any, line: Sequence[Any], box: Sequence[Any], zero: Any = 0.0) -> tuple[Any, Any]:
+    """Returns the bounds of a·x + b·y + c, the `line` (a, b, c), on a `box` from (0, 0) to (width, height)."""
+    (a, b, c), (width, height) = line, box
     u, v = a * width + zero, b * height + zero
     least = c + xp.where(u >= 0.0, 0.0, u) + xp.where(v >= 0.0, 0.0, v)
     return least, c + xp.where(u <= 0.0, 0.0, u) + xp.where(v <= 0.0, 0.0, v)

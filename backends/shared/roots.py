@@ -17,10 +17,19 @@ class Examined(NamedTuple):
     blurred: Any
 
 
-def examined(xp: Any, bounds: Any, g: Any, slope: Any, h: Any, changes: Any, known: Any, sloped: Any) -> Examined:
+class Ends(NamedTuple):
+    """What is known of g at the ends of boxes: whether it `changes` its sign from one to the other, whether it is a number at both, and
+    whether it has a slope at both."""
+
+    changes: Any
+    known: Any
+    sloped: Any
+
+
+def examined(xp: Any, bounds: Any, middle: tuple[Any, Any], h: Any, ends: Ends) -> Examined:
     """Returns the result of examining boxes of half-width h. `bounds` are those of g, its slope and its curvature, and the noise, (7, …);
-    `g` and `slope` are in the middle. `changes`, `known` and `sloped` say whether g changes its sign between the ends, is a number there,
-    and has a slope there."""
+    g and its slope in the `middle`."""
+    (g, slope), (changes, known, sloped) = middle, ends
     least, most, slowest, fastest, bent_down, bent_up, noise = bounds
     reach = h * xp.maximum(xp.abs(slowest), xp.abs(fastest))
     bounded = xp.isfinite(slowest) & xp.isfinite(fastest)
@@ -49,9 +58,10 @@ class Step(NamedTuple):
     done: Any
 
 
-def newton_step(xp: Any, g: Any, slope: Any, v: Any, p: Any, q: Any, above: Any, before: Any) -> Step:
-    """Returns a step of Newton's method at v in (p, q), or to the middle if that leads outside, or is not half as long as the last but one,
-    `before`; g > 0 at q if `above`."""
+def newton_step(xp: Any, values: tuple[Any, Any], v: Any, ends: tuple[Any, Any], above: Any, before: Any) -> Step:
+    """Returns a step of Newton's method at v between the ends p and q, where g and its slope have these `values`; or to the middle if that
+    leads outside, or is not half as long as the last but one, `before`; g > 0 at q if `above`."""
+    (g, slope), (p, q) = values, ends
     at_right = (g > 0.0) == above
     p, q = xp.where(at_right, p, v), xp.where(at_right, v, q)
     step, middle = -g / slope, 0.5 * (p + q)

@@ -2,16 +2,26 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 from teg.numerics.sobol import BITS, GAMMA, LOW_BITS, MIX, SCRAMBLE, key, replicated, reversed_directions
 
 
-def coordinate(xp: Any, kind: str, seed: int, dimension: int, count: int, replicate: Any, index: Any) -> Any:
-    """Returns a coordinate of points of a rule of `count` points; their numbers `index` in their replicates are 64-bit, without a sign."""
-    replicates, each = replicated(kind, count)
-    keys = xp.asarray([key(seed, r, dimension) for r in range(replicates)], dtype=xp.uint64)[replicate]
-    if kind == "montecarlo":
+@dataclass(frozen=True, slots=True)
+class Points:
+    """The points of a rule that samples: its kind, its seed, and how many there are."""
+
+    kind: str
+    seed: int
+    count: int
+
+
+def coordinate(xp: Any, points: Points, dimension: int, replicate: Any, index: Any) -> Any:
+    """Returns a coordinate of points of a rule; their numbers `index` in their replicates are 64-bit, without a sign."""
+    replicates, each = replicated(points.kind, points.count)
+    keys = xp.asarray([key(points.seed, r, dimension) for r in range(replicates)], dtype=xp.uint64)[replicate]
+    if points.kind == "montecarlo":
         return _unit(xp, mix(xp, keys + index * xp.uint64(GAMMA)) >> xp.uint64(12))
     gray = (index ^ index >> xp.uint64(1)).astype(xp.uint32)
     x = xp.zeros(index.shape, xp.uint32)

@@ -12,7 +12,19 @@ from teg.analysis.settings import Integration, Rule
 from teg.errors import ParameterError
 from teg.evaluator.arguments import name_of, refuse_nested
 from teg.evaluator.evaluator import Evaluator
-from teg.evaluator.options import DEFAULT_TOLS, Backend, Discontinuities, DType, Functions, Inaccurate, Options, checked_dtype, rule_for
+from teg.evaluator.options import (
+    DEFAULT_TOLS,
+    Backend,
+    Discontinuities,
+    DType,
+    Functions,
+    Inaccurate,
+    Jumps,
+    Machine,
+    Options,
+    checked_dtype,
+    rule_for,
+)
 from teg.ir.arrays import has_arrays
 from teg.ir.creation import is_created
 from teg.ir.expr import Operand, Tuple
@@ -107,7 +119,8 @@ def compile(
     how = rule_for(chosen, backend, rule, order, samples)
     integration = Integration(DEFAULT_TOLS[precision] if tol is None else tol, *how, seed, max_roots, intrinsics)
     fitted = chosen.fitted(integration)
-    options = Options(backend, integration, inaccurate, precision, threads, memory, fitted, maps, check_maps, functions)
+    machine, jumps = Machine(backend, threads, memory), Jumps(fitted, maps, check_maps)
+    options = Options(machine, integration, inaccurate, precision, jumps, functions)
     if parameters is None:
         return Evaluator(program, None, options)
     return Evaluator(program, (parameters_and_arrays if has_arrays(program) else check_parameters)(parameters), options)

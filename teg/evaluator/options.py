@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias, cast, get_args
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias, cast, get_args
 
 from teg.analysis.settings import DEFAULT_TOL, Integration
 from teg.errors import EstimatorError, OptionError
@@ -29,22 +29,35 @@ DTYPES = ("float64", "float32")
 DEFAULT_TOLS = {"float64": DEFAULT_TOL, "float32": 1e-6}
 
 
+class Machine(NamedTuple):
+    """The backend, the number of threads, and the bytes of temporary arrays."""
+
+    backend: str
+    threads: int = 1
+    memory: int = 2**28
+
+
+class Jumps(NamedTuple):
+    """What is done with the jumps of a derivative: the estimator or its name, maps for surfaces, and whether calls verify these."""
+
+    discontinuities: str | Estimator
+    maps: Sequence[Diffeomorphism] = ()
+    check_maps: bool = False
+
+
 class Options:
     """Checked options of a compilation; `teg.compile` documents them. Raises OptionError for a value outside of its range."""
 
     def __init__(
         self,
-        backend: str,
+        machine: Machine,
         integration: Integration,
         inaccurate: str,
         dtype: object,
-        threads: int,
-        memory: int,
-        discontinuities: str | Estimator,
-        maps: Sequence[Diffeomorphism],
-        check_maps: bool,
+        jumps: Jumps,
         functions: str = "linked",
     ) -> None:
+        (backend, threads, memory), (discontinuities, maps, check_maps) = machine, jumps
         if backend not in BACKENDS:
             raise OptionError(f"backend={backend!r} is not known", None, "one of: " + ", ".join(BACKENDS))
         if inaccurate not in INACCURATE:

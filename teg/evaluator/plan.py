@@ -43,7 +43,7 @@ from teg.passes.normalise.integers import with_sums_of_integers
 from teg.passes.normalise.tables import with_tables
 from teg.passes.program.errors_in_loops import with_array_error_estimates
 from teg.passes.program.link import with_bodies
-from teg.pipeline import cell_program, compiled_outputs, flat_program, flatten, jvp, normal_form, program_for
+from teg.pipeline import Elimination, cell_program, compiled_outputs, flat_program, flatten, jvp, normal_form, program_for
 from teg.program import Program
 from teg.program.arrays import ArrayProgram
 
@@ -161,6 +161,11 @@ class Task:
     maps: tuple[Diffeomorphism, ...]
     source: Expr | None = None
 
+    @property
+    def elimination(self) -> Elimination:
+        """Returns how δ are eliminated."""
+        return Elimination(self.maps, self.integration.closed_forms)
+
 
 class Derivation:
     """Outputs and programs of one task, by the wanted derivatives."""
@@ -218,7 +223,7 @@ class Derivation:
         source, wrt = task.expression if entry is None else self.entries[entry], cast("tuple[Param, ...]", task.wrt)
         for direction in self.directions(wanted):
             source = self._without_deltas(jvp(source, cast("dict[Param | Var, object]", direction), task.maps))
-        outputs = compiled_outputs(source, wrt, wanted.orders, task.estimator, task.maps, task.integration.closed_forms)
+        outputs = compiled_outputs(source, wrt, wanted.orders, task.estimator, task.elimination)
         return outputs if wanted.values else outputs[1:]
 
     def _flat(self, wanted: Wanted, entry: int | None, errors: bool, how: Integration) -> Program:
@@ -253,7 +258,7 @@ class Derivation:
         normal = partial(normal_form, maps=task.maps)
 
         def derive(cell: Expr, wrt: Sequence[Param]) -> list[Expr]:
-            return flatten(compiled_outputs(cell, wrt, 1, task.estimator, task.maps, task.integration.closed_forms)[1])
+            return flatten(compiled_outputs(cell, wrt, 1, task.estimator, task.elimination)[1])
 
         found: list[Output] = [output_of(on_cells(leaf, normal)) for leaf in entries] if wanted.values else []
         sources = list(moved) if wanted.orders and (wanted.values or not wanted.along) else []

@@ -20,7 +20,7 @@ from teg.evaluator.framework import (
     nested,
 )
 from teg.evaluator.kernels import dimensions_of
-from teg.evaluator.options import DEFAULT_TOLS, Discontinuities, Inaccurate, Options, checked_dtype
+from teg.evaluator.options import DEFAULT_TOLS, Discontinuities, Inaccurate, Jumps, Machine, Options, checked_dtype
 from teg.evaluator.plan import VALUE, Kept, Plan, derivative_of_order
 from teg.interop.pytrees import is_leaf, values_in_pytree
 from teg.ir.expr import Expr, Operand, Param
@@ -88,7 +88,7 @@ def jax_function(
     program = checked_expression(e)
     precision = None if dtype is None else checked_dtype(dtype)
     integration = Integration(DEFAULT_TOLS[precision or "float64"] if tol is None else tol, rule, order, seed, max_roots, intrinsics)
-    options = Options("jax", integration, inaccurate, precision or "float64", 1, 2**28, discontinuities, maps, False)
+    options = Options(Machine("jax"), integration, inaccurate, precision or "float64", Jumps(discontinuities, maps))
     wrt = None if params is None else parameters_and_arrays(params)
     if kernel not in KERNELS:
         raise OptionError(f"kernel={kernel!r} is not known", None, "one of: " + ", ".join(map(repr, KERNELS)))

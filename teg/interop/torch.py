@@ -19,7 +19,7 @@ from teg.evaluator.framework import (
     nested,
 )
 from teg.evaluator.kernels import DerivativeKernels, dimensions_of
-from teg.evaluator.options import DEFAULT_TOLS, Discontinuities, Inaccurate, Options, checked_dtype
+from teg.evaluator.options import DEFAULT_TOLS, Discontinuities, Inaccurate, Jumps, Machine, Options, checked_dtype
 from teg.evaluator.plan import Kept, Plan
 from teg.ir.expr import Expr, Operand, Param
 from teg.ir.index import ArrayName, IndexArray
@@ -87,7 +87,8 @@ def torch_function(
     if backend not in BACKENDS:
         raise OptionError(f"backend={backend!r} is not for PyTorch", None, "one of: " + ", ".join(BACKENDS))
     integration = Integration(DEFAULT_TOLS[precision or "float64"] if tol is None else tol, rule, order, seed, max_roots, intrinsics)
-    options = Options(backend, integration, inaccurate, "float64", threads, memory, discontinuities, maps, check_maps)
+    machine, jumps = Machine(backend, threads, memory), Jumps(discontinuities, maps, check_maps)
+    options = Options(machine, integration, inaccurate, "float64", jumps)
     wrt = None if params is None else parameters_and_arrays(params)
     return TorchFunction(program, wrt, options, precision, indices or {})
 

@@ -15,7 +15,7 @@ from typing import Any
 
 from teg.program.arrays import Integers, Load, Number, Run, Step, steps
 from teg.program.fields import renamed
-from teg.program.names import unused_numbers
+from teg.program.names import of_kind, unused_numbers
 from teg.program.residues import P, Residues, random_residue, residue_of
 from teg.program.statements import Arg, Assign, Program
 from teg.program.walk import assigned, statements
@@ -53,7 +53,7 @@ def joined(run: Run, makers: Sequence[Run]) -> Run:
         names: dict[Any, Any] = {f"p{i}": place(a) for i, a in enumerate(maker.inputs)}
         for s in maker.program.body:
             assert isinstance(s, Assign)
-            names[s.name] = f"{s.name[0]}{next(numbers)}"
+            names[s.name] = of_kind(s.name, next(numbers))
             body.append(replace(s, name=names[s.name], args=tuple(names.get(a, a) for a in s.args)))
         spelled |= {r: names.get(o, o) for r, o in zip(maker.results, maker.program.outputs, strict=True)}
     own: dict[str, Any] = {f"p{i}": place(a) for i, a in enumerate(run.inputs)}

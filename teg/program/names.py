@@ -29,6 +29,16 @@ def parameter_number(name: str) -> int:
     return int(name[1:])
 
 
+def parameter_numbers(args: Iterable[object]) -> list[int]:
+    """Returns the places of the parameters among some arguments, ascending."""
+    return sorted({parameter_number(a) for a in args if isinstance(a, str) and is_parameter(a)})
+
+
+def of_kind(name: str, number: int) -> str:
+    """Returns a name of the same kind with another number."""
+    return f"{name[0]}{number}"
+
+
 def unused_numbers(names: Iterable[str]) -> count[int]:
     """Returns the numbers behind the largest one in some names."""
     return count(1 + max((int(name[1:]) for name in names if name[1:].isdigit()), default=0))

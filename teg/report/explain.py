@@ -32,7 +32,7 @@ from teg.passes.normalise.canonicalise import canonicalise
 from teg.passes.normalise.inline import reasons, write_out
 from teg.passes.normalise.runs import listed_sums
 from teg.passes.normalise.steps import enumerate_steps
-from teg.pipeline import Maps, compiled_outputs, flatten, normal_form, program_for
+from teg.pipeline import Elimination, Maps, compiled_outputs, flatten, normal_form, program_for
 from teg.program import size
 from teg.program.arrays import (
     CHUNKS,
@@ -53,7 +53,7 @@ from teg.program.arrays import (
 )
 from teg.report.explanation import ArrayExplanation, Explanation
 from teg.report.integrals import Integrals, cost_of
-from teg.report.inventory import Inventory, text_of
+from teg.report.inventory import Forms, Inventory, text_of
 
 SIGNS = {"add": "{} + {}", "sub": "{} - {}", "mul": "{}·{}", "floordiv": "{} // {}", "mod": "{} % {}"}
 T = TypeVar("T")
@@ -90,7 +90,8 @@ def explain_cell(e: Expr, chosen: Sequence[Param], asked: Asked) -> Explanation:
     closed = boundary_terms() if how.closed_forms else ()
     families = closing(families_with(maps), closed) if how.closed_forms else families_with(maps)
     final = before if normal is None else normal
-    inventory = Inventory(e, before, final, chosen, estimator=estimator.name, families=families, closed=closed, max_roots=how.max_roots)
+    forms = Forms(e, before, final)
+    inventory = Inventory(forms, chosen, estimator=estimator.name, families=families, closed=closed, max_roots=how.max_roots)
     names = list(dict.fromkeys(p.name for p in (*chosen, *parameters(e), *(p for m in maps for p in m.parameters))))
     integrals = Integrals(how)
     data: dict[str, Any] = {
@@ -117,8 +118,9 @@ def explain_cell(e: Expr, chosen: Sequence[Param], asked: Asked) -> Explanation:
     data["value_statements"], data["cost"]["value"] = size(program), cost_of(program)
     if not chosen:
         return Explanation(data)
-    closed_forms = how.closed_forms
-    outputs, data["gradient_error"] = _attempted(lambda: compiled_outputs(e, chosen, 1, estimator, maps, closed_forms, remarks))
+    outputs, data["gradient_error"] = _attempted(
+        lambda: compiled_outputs(e, chosen, 1, estimator, Elimination(maps, how.closed_forms, remarks))
+    )
     if outputs is not None:
         program = program_for([leaf for o in outputs for leaf in flatten(o)], names, how, remarks=remarks)
         data["remarks"] = _told(remarks)

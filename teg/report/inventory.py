@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 from teg.analysis.isolation import max_roots, widened
 from teg.analysis.jumps import jump, vanishes_on
@@ -67,14 +67,20 @@ def nests(root: Node) -> dict[Node, Nest]:
     return found
 
 
+class Forms(NamedTuple):
+    """A program as `written`, its normal form `before` the user's δ are eliminated, and its `normal` form."""
+
+    written: Expr
+    before: Expr
+    normal: Expr
+
+
 class Inventory:
-    """The surfaces of `normal`, the normal form of what the user wrote. `before` is that form with the user's δ still in it."""
+    """The surfaces of the normal form of what the user wrote."""
 
     def __init__(
         self,
-        written: Expr,
-        before: Expr,
-        normal: Expr,
+        forms: Forms,
         wrt: Iterable[Param],
         *,
         estimator: str,
@@ -82,20 +88,18 @@ class Inventory:
         closed: Sequence[Closed],
         max_roots: int,
     ) -> None:
-        self.written = written
-        self.before = before
-        self.normal = normal
+        self.written, self.before, self.normal = forms
         self.wrt = frozenset(wrt)
         self.estimator = estimator
         self.families = families
         self.closed = closed
         self.max_roots = max_roots
-        bound = [n.var for root in (before, normal) for n in postorder([root]) if isinstance(n, Integral)]
+        bound = [n.var for root in (self.before, self.normal) for n in postorder([root]) if isinstance(n, Integral)]
         self.variables: list[Var] = list(dict.fromkeys(bound))  # innermost first, as in the elimination
         self._points = (Point("first"), Point("second"))
         self._along = tuple(Point("along", {v: residue("along", i, v.name) for v in self.variables}) for i in range(3))
         self._families: dict[tuple[Expr, Nest], Entry] = {}
-        self.apart = cast(Expr, rename_apart(written))
+        self.apart = cast(Expr, rename_apart(self.written))
         self._conditions = _conditions(self.apart)
         self._plain = {self._key(g) for parts in self._conditions.values() for g in parts}
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -140,13 +139,13 @@ def _ties(met: Sequence[MetTie], at: Element, said: Callable[[tuple[str, str]], 
     """Returns each pair of surfaces once for each iteration."""
     found: dict[tuple[object, ...], Diagnosis] = {}
     for tie in met:
-        key = tie.surfaces, tuple(tie.iteration.items())
+        key = frozenset(tie.surfaces), tuple(tie.iteration.items())
         if key in found or len(found) >= MOST:
             continue
         kind, surfaces, message = said(tie.surfaces)
         if tie.iteration:
             message = f"in the iteration {', '.join(f'{k} = {n}' for k, n in tie.iteration.items())}: {message}"
-        entries = {title: v for title, v in tie.inputs.items() if title not in tie.iteration and not re.fullmatch(r"[vb]\d+e?", title)}
+        entries = {title: v for title, v in tie.inputs.items() if title not in tie.iteration}
         found[key] = Diagnosis(kind, surfaces, {**at.values, **entries}, message, at.number, tie.iteration)
     return list(found.values())
 

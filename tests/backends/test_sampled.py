@@ -19,7 +19,7 @@ from teg.backends.numpy.kernel import compile_numpy
 from teg.ir.expr import const
 from teg.ir.integral import integral_over
 from teg.passes.differentiate.estimators.exact import Exact
-from teg.pipeline import compiled_outputs, flat_program, flatten
+from teg.pipeline import Elimination, compiled_outputs, flat_program, flatten
 from teg.program import Adaptive, Arg, Assign, Integrate, Program, Sample, Stmt, Tie
 
 Array = npt.NDArray[np.float64]
@@ -49,7 +49,7 @@ def run(p: Program, *columns: float | Array, backend: str = "numpy") -> Array:
 
 
 def scheduled(e: teg.Expr, rule: str, *names: str, orders: int = 0, order: int | None = None, seed: int = 0) -> Program:
-    outputs = compiled_outputs(e, [teg.param(n) for n in names], orders, Exact(), closed_forms=False)
+    outputs = compiled_outputs(e, [teg.param(n) for n in names], orders, Exact(), Elimination(closed_forms=False))
     return flat_program([o for entry in outputs for o in flatten(entry)], names, Integration(rule=rule, order=order, seed=seed))
 
 

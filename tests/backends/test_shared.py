@@ -11,10 +11,10 @@ import pytest
 from teg.backends.numpy.arrays import NUMPY, places_of
 from teg.backends.shared import polygons, rules
 from teg.backends.shared.arrays import Arrays
-from teg.backends.shared.bends import CUBIC, LINE, TAIL, Substitution, place, possible_kinds, substitution
+from teg.backends.shared.bends import CUBIC, LINE, TAIL, Bends, Substitution, place, possible_kinds, substitution
 from teg.backends.shared.poles import pole_at, pole_weights
-from teg.backends.shared.roots import Halving, examined, excluded, newton_step, next_halving, plane_step, refuted
-from teg.backends.shared.samples import coordinate
+from teg.backends.shared.roots import Ends, Halving, examined, excluded, newton_step, next_halving, plane_step, refuted
+from teg.backends.shared.samples import Points, coordinate
 from tests.backends.test_bends import random_places
 
 Array = npt.NDArray[np.float64]
@@ -38,7 +38,8 @@ def bent(arrays: Arrays, kinds: tuple[str, ...]) -> Substitution:
     p, q = np.minimum(lo, hi), np.maximum(lo, hi)
     p[-2], q[-1] = -np.inf, np.inf
     with np.errstate(all="ignore"):
-        return substitution(arrays, *map(arrays.xp.asarray, (p, q, base)), bends, False, True, 2.0)
+        p, q, base = map(arrays.xp.asarray, (p, q, base))
+        return substitution(arrays, (p, q), Bends(base, bends), False, True, 2.0)
 
 
 @pytest.mark.parametrize("kinds", [*((kind,) for kind in KINDS), ("end", "end"), KINDS], ids="+".join)
@@ -99,12 +100,12 @@ def test_formulas(jax_arrays: Arrays) -> None:
     same(xp, rules.tolerated, 1e-9, abs(b), abs(c))
     same(xp, rules.is_unseen, a, b, abs(c), a > b)
     same(xp, lambda m, *v: tuple(rules.ends_of_pieces(m, v[0], v[1], v[2:])), b, c, a, d)
-    same(xp, lambda m, *v: tuple(pole_at(m, 2, *v)), np.minimum(b, c), np.maximum(b, c), d, b, c, yes)
+    same(xp, lambda m, *v: tuple(pole_at(m, 2, v[:2], v[2], v[3:5], v[5])), np.minimum(b, c), np.maximum(b, c), d, b, c, yes)
     same(xp, lambda m, low, high: pole_weights(m, 6, 2, low, high), 1.0 + abs(b), 1.0 + abs(c))
-    same(xp, lambda m, *v: polygons.least_and_most(m, *v), a, b, c, d, abs(b))
+    same(xp, lambda m, *v: polygons.least_and_most(m, v[:3], v[3:]), a, b, c, d, abs(b))
     same(xp, lambda m, *v: polygons.cut(m, *v), np.zeros(50), np.ones(50), b, c, no)
-    same(xp, lambda m, *v: tuple(newton_step(m, *v)), b, c, d, d - 1.0, d + 1.0, yes, abs(a))
-    same(xp, lambda m, *v: tuple(examined(m, v, b, c, abs(d), yes, no, yes | no)), b - 1, b + 1, c - 1, c + 1, d - 1, d + 1, abs(b))
+    same(xp, lambda m, *v: tuple(newton_step(m, v[:2], v[2], v[3:5], v[5], v[6])), b, c, d, d - 1.0, d + 1.0, yes, abs(a))
+    same(xp, lambda m, *v: tuple(examined(m, v, (b, c), abs(d), Ends(yes, no, yes | no))), b - 1, b + 1, c - 1, c + 1, d - 1, d + 1, abs(b))
     twelve = np.sort(random.normal(size=(6, 2, 50)), axis=1).reshape(12, 50)
     same(xp, excluded, twelve[:4])
     same(xp, refuted, twelve, random.normal(size=(6, 50)), abs(random.normal(size=(2, 50))))
@@ -114,7 +115,7 @@ def test_formulas(jax_arrays: Arrays) -> None:
 def test_a_straight_piece_is_a_line_or_flat_at_its_ends() -> None:
     p, q = np.array([0.0, 1.0]), np.array([2.0, 5.0])
     for cubic, kind in ((False, LINE), (True, CUBIC)):
-        s = substitution(NUMPY, p, q, 0.0, (), cubic, False, 1.0)
+        s = substitution(NUMPY, (p, q), Bends(), cubic, False, 1.0)
         assert set(s.kind) == {kind}
         np.testing.assert_allclose(places_of(s, np.full((1, 2), 0.5))[0], [[1.0, 3.0]])
 
@@ -123,7 +124,9 @@ def test_a_straight_piece_is_a_line_or_flat_at_its_ends() -> None:
 def test_random_coordinates_are_the_same_bits(kind: str, jax_arrays: Arrays) -> None:
     index, replicate = np.arange(64, dtype=np.uint64), np.zeros(64, dtype=np.int64)
     for dimension in (0, 3):
-        numpy, jax = (coordinate(xp, kind, 7, dimension, 2048, xp.asarray(replicate), xp.asarray(index)) for xp in (np, jax_arrays.xp))
+        numpy, jax = (
+            coordinate(xp, Points(kind, 7, 2048), dimension, xp.asarray(replicate), xp.asarray(index)) for xp in (np, jax_arrays.xp)
+        )
         np.testing.assert_array_equal(numpy, jax)
         assert ((numpy > 0.0) & (numpy < 1.0)).all()
 

@@ -10,7 +10,7 @@ import teg
 from teg.analysis.remarks import Remarks
 from teg.analysis.settings import Integration
 from teg.passes.differentiate.estimators.exact import Exact
-from teg.pipeline import compiled_outputs, flatten, program_for
+from teg.pipeline import Elimination, compiled_outputs, flatten, program_for
 from teg.program import Adaptive, Gauss, Integrate, Rational, statements
 
 x, y = teg.vars("x y")
@@ -84,7 +84,7 @@ def test_a_boundary_term_in_closed_form_is_told() -> None:
 
 def test_what_is_carried_along_is_told() -> None:
     remarks = Remarks()
-    compiled_outputs(PROGRAMS["disk"], [t], 2, Exact(), remarks=remarks)
+    compiled_outputs(PROGRAMS["disk"], [t], 2, Exact(), Elimination(remarks=remarks))
     reasons = [r.reason for r in remarks if r.stage == "eliminate"]
     assert any("carried along" in reason for reason in reasons)
     assert any("first family" in reason for reason in reasons)

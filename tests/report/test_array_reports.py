@@ -186,6 +186,14 @@ def test_ties_inside_iterations(backend: str) -> None:
     assert ", in the iteration k = 1: V[F[k," in str(found[0])
 
 
+def test_a_pair_of_surfaces_is_told_once_and_names_that_programs_use_are_kept() -> None:
+    v1 = teg.param("v1")
+    e = teg.sum(teg.integral(teg.bracket((x < W[k]) & (x < v1 * v1) & (x < 3 * v1)), (x, 0, 1)), (k, 0, teg.length(W)))
+    (found,) = teg.compile(e).diagnose(v1=0.5, W=[0.25, 0.7])
+    assert set(found.surfaces) == {"W[k] - x = 0", "v1² - x = 0"}
+    assert found.parameters == {"v1": 0.5, "W[k]": 0.25}
+
+
 def test_a_tie_two_sums_deep_names_both_indices() -> None:
     e = teg.sum(teg.integral(teg.bracket(x < V[k, 0]) * teg.bracket(x < V[j, 1]), (x, 0, 1)), (j, 0, 4), (k, 0, 4))
     f = teg.compile(e, [V])

@@ -9,7 +9,6 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from teg.backends.numpy import isolate as isolation
 from teg.backends.numpy import lanes
 from teg.backends.numpy.kernel import compile_numpy
 from teg.program import Arg, Program, Stmt
@@ -56,7 +55,7 @@ def test_source_has_a_function_a_block_and_pickles() -> None:
     for text in (
         "def enclosure_0(run, x0l, x0r, p0)",
         "def point_0(run, x0, p0)",
-        "= isolation_0(run, p1, 3.0, (p0,), (p0,))",
+        "= isolation_0(run, (p1, 3.0), (p0,), (p0,))",
         "= sum_1(run, (",
     ):
         assert text in kernel.source
@@ -201,13 +200,13 @@ def test_steps_that_leave_the_box_are_bisected() -> None:
 
 def test_newton_needs_few_points_and_a_level_costs_its_boxes(monkeypatch: pytest.MonkeyPatch) -> None:
     counts = {3: 0, 7: 0}
-    evaluated = lanes.evaluated
+    evaluated = lanes.Sized.at
 
-    def counted(run, block, width, results, lane, at, given):  # type: ignore[no-untyped-def]
-        counts[results] += lane.size
-        return evaluated(run, block, width, results, lane, at, given)
+    def counted(block, run, lane, places, given):  # type: ignore[no-untyped-def]
+        counts[block.results] += lane.size
+        return evaluated(block, run, lane, places, given)
 
-    monkeypatch.setattr(isolation, "evaluated", counted)
+    monkeypatch.setattr(lanes.Sized, "at", counted)
     kernel = compile_numpy(roots(cubic("p0"), 1))
     kernel([np.full(100, 1.0)], 100)
     assert counts[7] <= 100 * 30  # boxes

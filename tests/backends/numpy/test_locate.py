@@ -85,7 +85,7 @@ def test_source_has_a_function_for_the_enclosure_and_pickles() -> None:
     case = PLACES[0]
     kernel = pickle.loads(pickle.dumps(compile_numpy(case.program)))
     assert "def enclosure_0(run, x0l, x0r, x1l, x1r, p0)" in kernel.source
-    assert "= location_0(run, -2.0, 3.0, -1.5, 1.75, (p0,))" in kernel.source
+    assert "= location_0(run, (-2.0, 3.0, -1.5, 1.75), (p0,))" in kernel.source
     np.testing.assert_allclose(kernel(columns(case), case.n), expected(case), rtol=case.tolerance, atol=case.tolerance)
 
 
@@ -138,13 +138,13 @@ def test_what_is_not_given_up_is_not_missed() -> None:
 
 def test_a_level_costs_the_rectangles_that_are_left(monkeypatch: pytest.MonkeyPatch) -> None:
     sizes: list[int] = []
-    evaluated = lanes.evaluated
+    evaluated = lanes.Sized.at
 
-    def counted(run, block, width, results, lane, at, given):  # type: ignore[no-untyped-def]
+    def counted(block, run, lane, places, given):  # type: ignore[no-untyped-def]
         sizes.append(lane.size)
-        return evaluated(run, block, width, results, lane, at, given)
+        return evaluated(block, run, lane, places, given)
 
-    monkeypatch.setattr(location, "evaluated", counted)
+    monkeypatch.setattr(lanes.Sized, "at", counted)
     radii = np.linspace(0.3, 1.2, 50)
     found = compile_numpy(program(1, (locate("va vb", ends(0.0, 0.1, "p0"), -2.0, 3.0, -1.5, 1.75),), "va", "vb"))([radii], 50)
     np.testing.assert_allclose(found, [-np.sqrt(radii), np.sqrt(radii)], atol=2e-7)
@@ -160,8 +160,8 @@ def test_a_crowded_lane_takes_no_memory() -> None:
         sizes.append(left.size)
         return (0.0 * left,) * 4
 
-    search = location.Location(enclosure, 2, 4, counts=True)
-    found = search(lanes.Run(1, 2**24), np.zeros(3), 1.0, 0.0, 1.0, ())
+    search = location.Location(lanes.Sized(enclosure, 4, 4), 2, counts=True)
+    found = search(lanes.Run(1, 2**24), (np.zeros(3), 1.0, 0.0, 1.0), ())
     np.testing.assert_array_equal(found, [[0.0] * 3, [1.0] * 3, [1.0] * 3])
     assert max(sizes) == 3 * LOCATE_WIDTH
     assert sum(sizes) == 3 * (2 * LOCATE_WIDTH - 1)

@@ -15,7 +15,7 @@ from teg.ir.expr import const
 from teg.ir.integral import Integral, integral_over
 from teg.passes.differentiate.estimators.exact import Exact
 from teg.passes.lower.samples import MIDPOINTS, SAMPLES, deciding_integrals, nest
-from teg.pipeline import compiled_outputs, flat_program, flatten
+from teg.pipeline import Elimination, compiled_outputs, flat_program, flatten
 from teg.program import Assign, Integrate, Midpoint, Program, Sample, Stmt, SumOver, assigned, statements
 from teg.program.verify import verify_program
 from tests.references import Reference, untagged
@@ -26,7 +26,7 @@ UNIT = (0, 1)
 
 
 def program(e: teg.Expr, *names: str, rule: str = "qmc", orders: int = 0, order: int | None = None, seed: int = 0) -> Program:
-    outputs = compiled_outputs(e, [teg.param(n) for n in names], orders, Exact(), closed_forms=False)
+    outputs = compiled_outputs(e, [teg.param(n) for n in names], orders, Exact(), Elimination(closed_forms=False))
     found = flat_program([o for entry in outputs for o in flatten(entry)], names, Integration(rule=rule, order=order, seed=seed))
     verify_program(found)
     return found
@@ -247,7 +247,7 @@ MISSED = {"sliver-1e-6", "sliver-triangle", "integral-in-a-condition", "st-scale
 def test_value_and_gradient_are_those_of_the_references(reference: Reference) -> None:
     """The mean over 8 seeds is as near to the exact numbers as the seeds are to each other."""
     given = [np.asarray(v) for v in reference.params.values()]
-    outputs = compiled_outputs(reference.build(), [teg.param(k) for k in reference.params], 1, Exact(), closed_forms=False)
+    outputs = compiled_outputs(reference.build(), [teg.param(k) for k in reference.params], 1, Exact(), Elimination(closed_forms=False))
     flat, names = [o for entry in outputs for o in flatten(entry)], list(reference.params)
     runs = [compile_numpy(flat_program(flat, names, Integration(rule="qmc", order=1024, seed=s)))(given, 1)[:, 0] for s in range(8)]
     exact = np.array([float(reference.value), *(float(reference.grad[k]) for k in reference.params)])
