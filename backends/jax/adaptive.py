@@ -19,7 +19,7 @@ from teg.backends.jax.arrays import JAX
 from teg.backends.jax.guard import Guard
 from teg.backends.jax.runtime import MISSED, Note, OnPiece, Pieces, Scalar, integrate, union, where
 from teg.backends.shared import rules
-from teg.backends.shared.bends import POWER, Bends, Substitution, place
+from teg.backends.shared.bends import POWER, Bends, place
 from teg.numerics.quadrature import decay_power, gauss_legendre, null_rules
 from teg.program import DEEP, DIVERGENT, MAX_DEPTH, MAX_INTERVALS, SPENT, WATCH_WIDTH
 
@@ -115,7 +115,7 @@ class _How(NamedTuple):
         return 2 if self.watched else 0
 
 
-def _piece(how: _How, places: Substitution, _: Bends, active: Scalar, values: OnPiece) -> tuple[Any, Note]:
+def _piece(how: _How, piece: OnPiece, _: Bends, active: Scalar) -> tuple[Any, Note]:
     """The integrals over one piece, and their estimates, (results,), and the note.
 
     The intervals are visited from left to right. No stack is needed: behind an accepted interval that ends at
@@ -135,22 +135,22 @@ def _piece(how: _How, places: Substitution, _: Bends, active: Scalar, values: On
         above=jnp.zeros((MAX_DEPTH + 1 if guard is not None else 0, pieces.tested)),
         seen=jnp.full((nodes.width * nodes.turns, columns), jnp.nan),
     )
-    end = lax.while_loop(lambda at: at.start < END, partial(_turned, how, places, values), beginning)
+    end = lax.while_loop(lambda at: at.start < END, partial(_turned, how, piece), beginning)
     overspent = jnp.any(end.spent > SPENT * rules.tolerated(jnp, how.tol, end.whole, end.whole))
     return end.sums, end.note | where(active & overspent, MISSED)
 
 
-def _turned(how: _How, places: Substitution, values: OnPiece, at: _Progress) -> _Progress:
+def _turned(how: _How, piece: OnPiece, at: _Progress) -> _Progress:
     """The next turn."""
-    pieces, nodes = how.pieces, how.nodes
+    pieces, nodes, places = how.pieces, how.nodes, piece.places
     looks, left, width = at.turn < 0, at.start / END, at.width / END
     x, rate = place(JAX, places, pieces.ways, left + 0.5 * width * (1.0 + _of_turn(nodes, at.turn)))
-    found, notes = jax.vmap(values.at)(x)
+    found, notes = jax.vmap(piece.at)(x)
     weighted = found[:, : pieces.values] * (0.5 * width * rate)[:, None]
     seen = jnp.concatenate([at.seen[nodes.width :], jnp.concatenate([weighted, found[:, pieces.values :]], axis=1)])
     full = looks | (at.turn + 1 == nodes.turns)
     measured = _measured(how, looks, seen, places.kind != POWER)
-    good, above, reference, whole, hidden = _judged(how, places, values.flagged, at, measured, (looks, seen))
+    good, above, reference, whole, hidden = _judged(how, piece, at, measured, (looks, seen))
     changed, deepest = measured.changed, at.width == 1
     done = full & (good | (~looks & (deepest | (at.used + 1 >= MAX_INTERVALS))))
     measured = measured._replace(error=jnp.where(done & ~good, jnp.fmax(measured.error, hidden), measured.error))
@@ -177,9 +177,7 @@ def _turned(how: _How, places: Substitution, values: OnPiece, at: _Progress) -> 
     )
 
 
-def _judged(
-    how: _How, places: Substitution, flagged: tuple[Scalar, ...], at: _Progress, found: _Measured, nodes: tuple[Scalar, Any]
-) -> tuple[Scalar, Any, Any, Any, Any]:
+def _judged(how: _How, piece: OnPiece, at: _Progress, found: _Measured, nodes: tuple[Scalar, Any]) -> tuple[Scalar, Any, Any, Any, Any]:
     """Whether an interval is accepted, `above` with it, the A that its error is compared with, the A of the whole piece, and what its error
     is at least if it is accepted although a guard says no."""
     looks, seen = nodes
@@ -197,7 +195,8 @@ def _judged(
     interval = at.start / END, (at.start + at.width) / END
     inner = interval[0] + 0.5 * (at.width / END) * (1.0 + _one_of(looks, how.nodes.at))
     known = _without_gaps(how.nodes, looks, seen[:, how.pieces.values + how.watched :])
-    hides, hidden = guard.hides(places, flagged, how.pieces.ways, interval, inner[how.ends :], known[how.ends :], enough, depth)
+    seen_at = inner[how.ends :], known[how.ends :]
+    hides, hidden = guard.hides(piece, how.pieces.ways, interval, seen_at, enough, depth)
     hidden = jnp.where(good & asked & hides, hidden, 0.0)
     good &= ~(asked & hides)
     above = jnp.where(rows == depth, reference, at.above)

@@ -52,22 +52,21 @@ class Family:
     """A program and its derivatives, compiled when they are needed; compared by identity.
 
     `programs(k)` gives the program of order k. Its parameters are the leaves of p, `moving` of which are differentiated by, and then those
-    of each u, `moving` of them; numbers and arrays apart, both in this order (`arrays` says which leaves are arrays), and behind the
-    numbers `integers`, which are constants. `entries` are the families of the single values, if there are several. With `native` a
+    of each u, `moving` of them; numbers and arrays apart, both in this order (`leaves`: which of them are arrays, and `moving`), and behind
+    the numbers `integers`, which are constants. `entries` are the families of the single values, if there are several. With `native` a
     program is a compiled C kernel on CPUs, and a program of XLA elsewhere.
     """
 
     def __init__(
         self,
         programs: Callable[[int], Program | ArrayProgram],
-        arrays: Sequence[bool],
-        moving: int,
+        leaves: tuple[Sequence[bool], int],
         integers: Sequence[int] = (),
         indices: Sequence[Any] = (),
         entries: Sequence[Family] = (),
         native: Native | None = None,
     ) -> None:
-        self.programs, self.arrays, self.moving = programs, tuple(arrays), moving
+        self.programs, self.arrays, self.moving = programs, tuple(leaves[0]), leaves[1]
         self.integers, self.indices = tuple(integers), tuple(indices)
         self.entries: tuple[Family, ...] = tuple(entries) or (self,)
         self.native = native

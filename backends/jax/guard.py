@@ -9,7 +9,8 @@ import jax
 import jax.numpy as jnp
 
 from teg.backends.jax.arrays import JAX
-from teg.backends.shared.bends import Substitution, place
+from teg.backends.jax.runtime import OnPiece
+from teg.backends.shared.bends import place
 from teg.backends.shared.rules import is_unseen
 from teg.program import GUARD_DEPTH
 
@@ -25,23 +26,22 @@ class Guard(NamedTuple):
 
     def hides(
         self,
-        places: Substitution,
-        flagged: tuple[Scalar, ...],
+        piece: OnPiece,
         possible: tuple[int, ...],
         ends: tuple[Scalar, Scalar],
-        at: Any,
-        seen: Any,
+        nodes: tuple[Any, Any],
         enough: Any,
         depth: Scalar,
     ) -> tuple[Scalar, Any]:
-        """Whether something is hidden in the interval (u0, u1) = `ends`: `at` are the nodes in u, `seen` the sharp values there, (nodes,
-        sharp), `enough` what does not matter, (tested,). And bounds of the integrals of |tested value|, infinite where
+        """Whether something is hidden in the interval (u0, u1) = `ends` of a piece: `nodes` in u, and the sharp values there, (nodes,
+        sharp); `enough` is what does not matter, (tested,). And bounds of the integrals of |tested value|, infinite where
         they are not known, 0 where a value has no finite bound on a finite interval, as beside integrable singularities."""
+        (at, seen), places = nodes, piece.places
         u = jnp.concatenate([jnp.stack([ends[0]]), at, jnp.stack([ends[1]])])
         x = place(JAX, places, possible, u)[0]
         x = jnp.where(u <= 0.0, places.p, jnp.where(u >= 1.0, places.q, x))
         left, right = jnp.concatenate([x[:1], x[:-1]]), jnp.concatenate([x[-1:], x[1:]])  # the whole interval, then the gaps
-        found = jax.vmap(lambda a, b: jnp.stack([jnp.asarray(v, jnp.float64) for v in self.block(a, b, flagged)[0]]))(left, right)
+        found = jax.vmap(lambda a, b: jnp.stack([jnp.asarray(v, jnp.float64) for v in self.block(a, b, piece.flagged)[0]]))(left, right)
         tested, length = enough.shape[0], right - left
         finite = jnp.isfinite(length)
         sizes = found[:, :tested]

@@ -6,26 +6,23 @@ from collections.abc import Sequence
 
 import jax.numpy as jnp
 
-from teg.backends.jax.runtime import TIED, Note, Scalar, where
+from teg.backends.jax.runtime import TIED, Note, Run, Scalar, where
 from teg.backends.shared.moments import Kind, has_near_side, settled, totals
 
 
 def moments(
-    order: Scalar,
+    run: Run,
     corners: Sequence[Scalar],
-    turn: Scalar,
     scales: Sequence[Scalar],
     kinds: Sequence[Kind],
     coefficients: Sequence[Sequence[Scalar]],
-    zero: Scalar,
     *,
     when: Scalar = True,
 ) -> tuple[tuple[Scalar, ...], Note]:
-    """Returns the results of a `Hyperbola`, and the note: whether a tie was met; `zero` keeps a product and a sum apart (see
-    `python_text`)."""
-    f = [jnp.asarray(v, jnp.float64) for v in corners]
+    """Returns the results of a `Hyperbola`, and the note: whether a tie was met. `corners`: the values there, then where it turns."""
+    order, zero = run
+    *f, turn = [jnp.asarray(v, jnp.float64) for v in corners]
     above, met = [v > 0.0 for v in f], jnp.bool_(False)
-    turn = jnp.asarray(turn, jnp.float64)
     if scales:
         f, on, sides = settled(jnp, f, scales, has_near_side(f, jnp))
         above = [(v > 0.0) | (b & (order > 0)) for v, b in zip(f, on, strict=True)]

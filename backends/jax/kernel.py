@@ -10,7 +10,7 @@ finds roots, sums over them and locates common zeros):
         def body_0(x0, _):
             v1 = x0 * v0 + zero
             return (v1,), 0                                  values, and a note: was a tie met, a tolerance missed?
-        (v2,), _ = rt.gauss(rt.Pieces(1, 1), 4, 0.0, p1, (v0,), (), None, body_0)
+        (v2,), _ = rt.gauss(rt.Pieces(1, 1), 4, (0.0, p1, v0), (), (None, body_0))
         return (v2,), 0
 
 JAX is imported when a kernel is compiled, not with this module.
@@ -59,6 +59,7 @@ from teg.program import (
     statements,
 )
 
+RUN = "(order, zero)"
 DIALECT = Dialect("jnp", guard=" + zero", call="function_{k}(order, zero, {arguments})[0][0]")
 SAMPLES = 1024
 """Points of a sample that one element has at a time."""
@@ -323,8 +324,8 @@ def _integral(stmt: Integrate, note: str) -> list[str]:
     kinds = f"({inside(repr(b.kind) for b in stmt.bends)})"
     pieces = f"rt.Pieces({len(stmt.values)}, {stmt.tested}, {bool(stmt.estimates)}, {kinds}, {cubic}, {stmt.infinite})"
     of_bends = [stmt.base, stmt.scale, *(c for b in stmt.bends for c in b.coefficients)] if stmt.bends or stmt.infinite else []
-    arguments = [pieces, *options, _text(stmt.lo), _text(stmt.hi), f"({inside(map(_text, stmt.breaks))})"]
-    arguments += [f"({inside(map(_text, of_bends))})", flags, body] + ([f"when={stmt.when}"] if stmt.when else [])
+    arguments = [pieces, *options, f"({inside(map(_text, (stmt.lo, stmt.hi, *stmt.breaks)))})"]
+    arguments += [f"({inside(map(_text, of_bends))})", f"({flags}, {body})"] + ([f"when={stmt.when}"] if stmt.when else [])
     lines: list[str] = []
     if has_flags:
         lines += [f"def {flags}({inside((stmt.var, *(stmt.ends or ('_p', '_q'))))}):"]
@@ -344,8 +345,8 @@ def _integral(stmt: Integrate, note: str) -> list[str]:
 def _isolation(stmt: Isolate, note: str) -> list[str]:
     """The functions of an isolation, and its call."""
     enclosure, point = f"enclosure_{stmt.var}", f"point_{stmt.var}"
-    room = f"({len(stmt.results)}, {stmt.width})"
-    arguments = [_text(stmt.lo), _text(stmt.hi), enclosure, point, room, _text(stmt.tol), repr(bool(stmt.errors))]
+    bounds, room = f"({_text(stmt.lo)}, {_text(stmt.hi)})", f"({len(stmt.results)}, {stmt.width})"
+    arguments = [bounds, enclosure, point, room, f"({_text(stmt.tol)}, {bool(stmt.errors)})"]
     arguments += [f"when={stmt.when}"] if stmt.when else []
     return [
         f"def {enclosure}({stmt.left}, {stmt.right}):",
@@ -359,7 +360,8 @@ def _isolation(stmt: Isolate, note: str) -> list[str]:
 def _location(stmt: Locate, note: str) -> list[str]:
     """The function that encloses two functions, and the call that locates their common zeros."""
     enclosure = f"enclosure_{stmt.left}"
-    arguments = [*map(_text, (stmt.lo, stmt.hi, stmt.low, stmt.high)), enclosure, f"({len(stmt.results)}, {len(stmt.bounds)})"]
+    limits = f"({inside(map(_text, (stmt.lo, stmt.hi, stmt.low, stmt.high)))})"
+    arguments = [limits, enclosure, f"({len(stmt.results)}, {len(stmt.bounds)})"]
     arguments += [f"when={stmt.when}"] if stmt.when else []
     return [
         f"def {enclosure}({stmt.left}, {stmt.right}, {stmt.bottom}, {stmt.top}):",
@@ -402,19 +404,19 @@ def _clipped(stmt: Polygon | Segment, note: str) -> list[str]:
     if isinstance(stmt, Polygon):
         name, variables = "polygon", ", ".join(stmt.variables)
         planes = [f"({_text(g.a)}, {_text(g.b)}, {_text(g.c)}, {g.closed})" for g in stmt.half_planes]
-        rule = [strict(stmt.width, "jnp"), strict(stmt.height, "jnp"), f"({inside(planes)})", str(stmt.degree)]
         places = [f"({_text(u)}, {_text(v)})" for u, v in stmt.corners]
-        known = [f"corners=({inside(places)})", f"across={_text(stmt.across)}"] if stmt.corners else []
+        triangle = [f"({inside(places)})", _text(stmt.across)] if stmt.corners else []
+        region = ", ".join([strict(stmt.width, "jnp"), strict(stmt.height, "jnp"), f"({inside(planes)})", *triangle])
+        rule = [f"polygons.Region({region})", str(stmt.degree)]
     else:
         name, variables = "segment", stmt.var
         ends = [
             f"({_text(g.first)}, {_text(g.last)}, {g.closed}, {g.k is not None}, {_text(g.resolution)}, {_text(g.size)}, {_text(g.scale)})"
             for g in stmt.half_lines
         ]
-        rule = ["order", f"({inside(ends)})", str(stmt.nodes)]
-        known = []
+        rule = [f"({inside(ends)})", str(stmt.nodes)]
     body = f"body_{stmt.results[0]}"
-    arguments = [*rule, factors, body, "zero", *([f"when={stmt.when}"] if stmt.when else []), *known]
+    arguments = [RUN, *rule, factors, body, *([f"when={stmt.when}"] if stmt.when else [])]
     return [
         *lines,
         f"def {body}({variables}):",
@@ -429,13 +431,11 @@ def _moments(stmt: Hyperbola, note: str) -> list[str]:
     kinds = inside(repr((m.kind, tuple((j, k) for j, k, _ in m.terms))) for m in stmt.moments)
     coefficients = inside(f"({inside(_text(c) for _, _, c in m.terms)})" for m in stmt.moments)
     arguments = [
-        "order",
-        f"({inside(map(_text, stmt.corners))})",
-        _text(stmt.turn),
+        RUN,
+        f"({inside(map(_text, (*stmt.corners, stmt.turn)))})",
         f"({inside(map(_text, stmt.scale))})",
         f"({kinds})",
         f"({coefficients})",
-        "zero",
     ]
     arguments += [f"when={stmt.when}"] if stmt.when else []
     return [*lines, f"({inside(stmt.results)}), {note} = hyperbolas.moments({', '.join(arguments)})"]

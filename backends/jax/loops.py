@@ -94,6 +94,14 @@ class ArrayFunction:
         return found, note
 
 
+class _Block(NamedTuple):
+    """A block of iterations: the number of the first one, how many there are, and how many of these are known to be live, if it is."""
+
+    start: Any
+    size: int
+    known: int | None
+
+
 class _Lanes(NamedTuple):
     """Values on lanes: `size` of them; those that are not `live` (None: all are) repeat another one."""
 
@@ -201,7 +209,7 @@ class _Trace:
         counts = counts if lanes.live is None else jnp.where(lanes.live, counts, 0)
         inner, parent = lanes, jnp.zeros(0, jnp.int64)
         if total:
-            inner, parent = self._inside(step, lanes, 0, total, total, jnp.cumsum(counts), total)
+            inner, parent = self._inside(step, lanes, _Block(0, total, total), total, jnp.cumsum(counts))
             _, note = self.block(step.body, inner, {}, note)
 
         def number(arg: Arg) -> Any:
@@ -272,7 +280,7 @@ class _Trace:
                 ends = jnp.cumsum(length if lanes.live is None else jnp.where(lanes.live, length, 0))
 
             def part(start: Any, size: int, known: int | None, targets: Targets, note: Any) -> tuple[Any, Targets, Any]:
-                inner, parent = self._inside(step, lanes, start, size, total, ends, known)
+                inner, parent = self._inside(step, lanes, _Block(start, size, known), total, ends)
                 targets, note = self.block(step.body, inner, targets, note)
                 terms = [_live(jnp.broadcast_to(jnp.asarray(_of(v, inner), jnp.float64), (size,)), inner) for v in step.values]
                 if not terms:
@@ -297,8 +305,9 @@ class _Trace:
         lanes.values.update(zip(step.results, sums, strict=True))
         return targets, note
 
-    def _inside(self, step: Loop, lanes: _Lanes, start: Any, size: int, total: int, ends: Any, known: int | None) -> tuple[_Lanes, Any]:
+    def _inside(self, step: Loop, lanes: _Lanes, block: _Block, total: int, ends: Any) -> tuple[_Lanes, Any]:
         """The lanes of a block of iterations, and the outer lane of each."""
+        start, size, known = block
         flat = start + jnp.arange(size)
         if ends is None:
             lo, hi = _of(step.lo, lanes), _of(step.hi, lanes)

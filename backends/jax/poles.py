@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 
 from teg.backends.jax.runtime import MISSED, Note, OnPiece, Pieces, Scalar, integrate, union, where
-from teg.backends.shared.bends import Bends, Substitution
+from teg.backends.shared.bends import Bends
 from teg.backends.shared.poles import pole_at, pole_weights
 from teg.backends.shared.rules import rounding
 from teg.numerics.quadrature import gauss_legendre, null_rules
@@ -18,14 +18,14 @@ from teg.program import RESIDUE
 def rational(pieces: Pieces, nodes: int, power: int, *integral: Any, when: Scalar = True) -> tuple[tuple[Scalar, ...], Note]:
     """Gauss-Legendre with weights that know the pole, on each piece; the arguments are those of `integrate`."""
 
-    def rule(places: Substitution, bends: Bends, active: Scalar, values: OnPiece) -> tuple[Any, Note]:
+    def rule(piece: OnPiece, bends: Bends, active: Scalar) -> tuple[Any, Note]:
         base, ((_, c0, c1, _, counts),) = bends
-        p, q = places.p, places.q
+        p, q = piece.places.p, piece.places.q
         pole = pole_at(jnp, power, (p, q), base, (c0, c1), counts)
         at, plain = map(jnp.float64, gauss_legendre(nodes))
         w = jnp.where(pole.clear, pole_weights(jnp, nodes, power, pole.low, pole.high), plain)[:, None]
         half = 0.5 * (q - p)
-        found, notes = jax.vmap(values.at)(0.5 * (p + q) + half * at)
+        found, notes = jax.vmap(piece.at)(0.5 * (p + q) + half * at)
         sums = half * jnp.sum(w * found, axis=0)
         highest = jnp.abs(jnp.sum(jnp.float64(null_rules(nodes)[0])[:, None] * found, axis=0))
         endless = pole.met & (highest > RESIDUE * jnp.sum(plain[:, None] * jnp.abs(found), axis=0))

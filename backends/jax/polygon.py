@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -17,7 +17,7 @@ import jax.numpy as jnp
 from teg.backends.jax import corners as written_out
 from teg.backends.jax import entries
 from teg.backends.jax.corners import Corner, Cut
-from teg.backends.jax.runtime import TIED, Note, Scalar, union, where
+from teg.backends.jax.runtime import TIED, Note, Run, Scalar, union, where
 from teg.backends.shared import polygons as half_planes
 from teg.numerics.quadrature import gauss_legendre, triangle_rule
 from teg.program import NEARLY, THIN, TIE_EPS
@@ -32,20 +32,21 @@ Line = tuple[Scalar, Scalar, bool, bool, Scalar, Scalar, Scalar]
 """First, last, closed, whether it may tie, resolution, size, scale."""
 
 
+class Region(NamedTuple):
+    """A box from (0, 0) and half-planes; of a triangle its corners, and twice its area."""
+
+    width: Scalar
+    height: Scalar
+    planes: Sequence[Plane]
+    corners: Sequence[tuple[Scalar, Scalar]] = ()
+    across: Scalar = 0.0
+
+
 def polygon(
-    width: Scalar,
-    height: Scalar,
-    planes: Sequence[Plane],
-    degree: int,
-    factors: Sequence[Scalar],
-    body: Body,
-    zero: Scalar,
-    *,
-    when: Scalar = True,
-    corners: Sequence[tuple[Scalar, Scalar]] = (),
-    across: Scalar = 0.0,
+    run: Run, region: Region, degree: int, factors: Sequence[Scalar], body: Body, *, when: Scalar = True
 ) -> tuple[tuple[Scalar, ...], Note]:
-    """The results of a `Polygon`, and the note; `zero` keeps a product and a sum apart (see `python_text`)."""
+    """The results of a `Polygon`, and the note."""
+    (_, zero), (width, height, planes, corners, across) = run, region
     fails, known, least, swings = meets(width, height, planes, zero)
     swing = jnp.max(jnp.stack(swings[:3]))
     thin = jnp.bool_(False)
@@ -58,7 +59,8 @@ def polygon(
     cuts = [Cut(there & ~thin & (low < 0.0), *plane[:3]) for low, plane in zip(least, planes, strict=True)]
     clipped, left = clip(box(width, height), there, cuts, zero)
     if corners:
-        clipped, left = _with_coordinates(clipped, left, there & thin, (width, height), planes, (corners, across), zero)
+        region = region._replace(width=width, height=height)
+        clipped, left = _with_coordinates(clipped, left, there & thin, region, zero)
     rule = triangle_rule(degree)
     fan = _fan_written_out if (len(clipped) - 2) * len(rule) <= MANY else _fan
     sums, note = fan(clipped, left, rule, body, zero)
@@ -172,18 +174,9 @@ def _corner(values: Any, number: Scalar) -> Any:
     return jnp.sum(jnp.where(jnp.arange(values.shape[-1]) == number, values, 0.0), axis=-1)
 
 
-def _with_coordinates(
-    clipped: Sequence[Corner],
-    left: Scalar,
-    thin: Scalar,
-    extents: tuple[Scalar, Scalar],
-    planes: Sequence[Plane],
-    triangle: tuple[Sequence[tuple[Scalar, Scalar]], Scalar],
-    zero: Scalar,
-) -> tuple[list[Corner], Scalar]:
-    """The corners of a polygon with barycentric coordinates, of a thin triangle those that the box leaves; and whether anything is left.
-    `triangle`: its corners, and twice its area."""
-    (width, height), (places, across) = extents, triangle
+def _with_coordinates(clipped: Sequence[Corner], left: Scalar, thin: Scalar, region: Region, zero: Scalar) -> tuple[list[Corner], Scalar]:
+    """The corners of a polygon with barycentric coordinates, of a thin triangle those that the box leaves; and whether anything is left."""
+    width, height, planes, places, across = region
     inverse = 1.0 / jnp.where(jnp.asarray(across, jnp.float64) == 0.0, 1.0, across)
     plain = [(x, y, *((g[2] + (g[0] * x + zero) + (g[1] * y + zero)) * inverse for g in planes[1:3])) for x, y in clipped]
     at = [tuple(jnp.asarray(v, jnp.float64) for v in p) for p in places]
@@ -199,9 +192,10 @@ def _with_coordinates(
 
 
 def segment(
-    order: Scalar, lines: Sequence[Line], nodes: int, factors: Sequence[Scalar], body: Body, zero: Scalar, *, when: Scalar = True
+    run: Run, lines: Sequence[Line], nodes: int, factors: Sequence[Scalar], body: Body, *, when: Scalar = True
 ) -> tuple[tuple[Scalar, ...], Note]:
     """The results of a `Segment`, and the note: whether a tie was met."""
+    order, zero = run
     start, stop = jnp.float64(0.0), jnp.float64(1.0)
     outside, undefined, met = jnp.bool_(False), jnp.bool_(False), jnp.bool_(False)
     for first, last, closed, may_tie, resolution, size, scale in lines:

@@ -85,12 +85,12 @@ class _Places(NamedTuple):
 
 
 def isolate(
-    lo: Scalar, hi: Scalar, enclosure: Block, point: Block, room: tuple[int, int], tol: float, estimated: bool, *, when: Scalar = True
+    bounds: tuple[Scalar, Scalar], enclosure: Block, point: Block, room: tuple[int, int], errors: tuple[float, bool], *, when: Scalar = True
 ) -> tuple[tuple[Scalar, ...], Scalar]:
-    """The roots in ascending order, then +inf; behind them, if `estimated`, their errors; and the note. There is `room` for so many roots,
-    and so many boxes on a level."""
-    results, width = room
-    lo, hi = jnp.asarray(lo, jnp.float64), jnp.asarray(hi, jnp.float64)
+    """The roots in ascending order, then +inf; behind them their errors, if they are asked for; and the note. There is `room` for so many
+    roots, and so many boxes on a level; `errors`: how large they may be, and whether they are asked for."""
+    (results, width), (tol, estimated) = room, errors
+    lo, hi = (jnp.asarray(v, jnp.float64) for v in bounds)
     finite = jnp.isfinite(lo) & jnp.isfinite(hi)
     active = when & finite & (lo != hi)
     p, q = jnp.minimum(lo, hi), jnp.maximum(lo, hi)
@@ -101,11 +101,11 @@ def isolate(
     times = jnp.where(there, places.times, 0)
     root = jnp.where(places.crossing, searched, 0.5 * (places.p + places.q))
     both = [jnp.concatenate([jnp.where(times >= i, v, absent) for i in (1, 2)]) for v, absent in ((root, jnp.inf), (places.error, 0.0))]
-    listed, errors = (v[:results] for v in lax.sort(tuple(both), num_keys=1))
+    listed, off = (v[:results] for v in lax.sort(tuple(both), num_keys=1))
     crowded = active & (jnp.any(end.count > width) | (end.found > results + 2) | (jnp.sum(times) > results))
-    missed = active & ~crowded & jnp.any(errors > tol * jnp.abs(hi - lo))
+    missed = active & ~crowded & jnp.any(off > tol * jnp.abs(hi - lo))
     refused = when & (~finite | crowded)
-    found = [jnp.where(when, jnp.where(refused, jnp.nan, v), jnp.inf) for v in ((listed, errors) if estimated else (listed,))]
+    found = [jnp.where(when, jnp.where(refused, jnp.nan, v), jnp.inf) for v in ((listed, off) if estimated else (listed,))]
     noted = jnp.where(crowded, jnp.int32(CROWDED), jnp.int32(0)) | jnp.where(missed, jnp.int32(MISSED), jnp.int32(0))
     return tuple(n for v in found for n in entries(v)), end.note | union(note_steps) | noted
 
@@ -332,12 +332,12 @@ class _Level(NamedTuple):
 
 
 def locate(
-    lo: Scalar, hi: Scalar, low: Scalar, high: Scalar, enclosure: Block, counts: tuple[int, int], *, when: Scalar = True
+    limits: tuple[Scalar, ...], enclosure: Block, counts: tuple[int, int], *, when: Scalar = True
 ) -> tuple[tuple[Scalar, ...], Scalar]:
-    """The places v of common zeros in ascending order, then +inf; the part of the rectangle that was given up; and the note. `counts`: of
-    results, and of bounds that the enclosure gives."""
+    """The places v of common zeros in ascending order, then +inf; the part of the rectangle that was given up; and the note. `limits`: of
+    v, then of u; `counts`: of results, and of bounds that the enclosure gives."""
     results, sloped = counts[0], counts[1] > 4
-    lo, hi, low, high = (jnp.asarray(v, jnp.float64) for v in (lo, hi, low, high))
+    lo, hi, low, high = (jnp.asarray(v, jnp.float64) for v in limits)
     active = when & jnp.all(jnp.isfinite(jnp.stack([lo, hi, low, high]))) & (lo != hi) & (low != high)
     origin = jnp.stack([jnp.minimum(lo, hi), jnp.minimum(low, high)])
     extent = jnp.stack([jnp.abs(hi - lo), jnp.abs(high - low)])

@@ -28,7 +28,8 @@ Body = Callable[[Scalar, tuple[Scalar, ...]], tuple[tuple[Scalar, ...], Note]]  
 Flags = Callable[
     [Scalar, Scalar, Scalar], tuple[Scalar, tuple[Scalar, ...], tuple[Scalar, ...], Note]
 ]  # middle, ends -> need, bends, flags, note
-Rule = Callable[[Substitution, Bends, Scalar, "OnPiece"], tuple[Any, Note]]
+Rule = Callable[["OnPiece", Bends, Scalar], tuple[Any, Note]]
+Run = tuple[Scalar, Scalar]  # the order of ties, and a zero that keeps a product and a sum apart (see `teg.backends.text`)
 TIED, MISSED, CROWDED = 1, 2, 4
 
 MANY = 24
@@ -121,19 +122,16 @@ def midpoint(pieces: Pieces, points: int, zero: Scalar, *integral: Any, when: Sc
 def integrate(
     pieces: Pieces,
     rule: Rule,
-    lo: Scalar,
-    hi: Scalar,
-    breaks: tuple[Scalar, ...],
+    ends: Sequence[Scalar],
     bends: tuple[Scalar, ...],
-    flags: Flags | None,
-    body: Body,
+    blocks: tuple[Flags | None, Body],
     *,
     when: Scalar,
 ) -> tuple[tuple[Scalar, ...], Note]:
-    """The results, and the note; `bends`: base, scale, and three coefficients a bend, or nothing."""
-    lo, hi = jnp.asarray(lo, jnp.float64), jnp.asarray(hi, jnp.float64)
-    ends = jnp.stack([lo, hi])
-    broken = jnp.any(jnp.isnan(ends) if pieces.infinite else ~jnp.isfinite(ends))
+    """The results, and the note; `ends`: the bounds, then breaks; `bends`: base, scale, and three coefficients a bend, or nothing."""
+    (lo, hi), breaks, (flags, body) = (jnp.asarray(v, jnp.float64) for v in ends[:2]), ends[2:], blocks
+    bounds = jnp.stack([lo, hi])
+    broken = jnp.any(jnp.isnan(bounds) if pieces.infinite else ~jnp.isfinite(bounds))
     inner = rules.ends_of_pieces(jnp, lo, hi, [entries.stacked(breaks)] if breaks else [])
     points = jnp.concatenate([jnp.atleast_1d(v) for v in inner])
     if len(breaks) > 1:
@@ -148,7 +146,7 @@ def integrate(
         bent = [(kind, *coefficients[3 * i : 3 * i + 3], counts[i]) for i, kind in enumerate(pieces.kinds)]
         of_bends = Bends(base, bent)
         places = substitution(JAX, (p, q), of_bends, pieces.cubic, pieces.infinite, scale)
-        sums, note_body = rule(places, of_bends, active & need, OnPiece(body, flagged))
+        sums, note_body = rule(OnPiece(places, body, flagged), of_bends, active & need)
         return sums, where(active, note) | note_body
 
     if len(breaks) < MANY:
@@ -179,8 +177,10 @@ def _one_by_one(piece: Callable[..., tuple[Any, Note]], points: Any, active: Sca
 
 
 class OnPiece(NamedTuple):
-    """The body of an integral on one piece: its values at a place, (results,), and the note; and the flags of the piece."""
+    """One piece of an integral, by its substitution: the body gives the values at a place, (results,), and the note; the flags of the
+    piece."""
 
+    places: Substitution
     body: Body
     flagged: tuple[Scalar, ...]
 
@@ -194,11 +194,11 @@ def vector(block: tuple[tuple[Scalar, ...], Note]) -> tuple[Any, Any]:
     return entries.stacked(values), jnp.asarray(note, jnp.int32)
 
 
-def _gauss(pieces: Pieces, nodes: int, places: Substitution, _: Bends, active: Scalar, values: OnPiece) -> tuple[Any, Note]:
+def _gauss(pieces: Pieces, nodes: int, piece: OnPiece, _: Bends, active: Scalar) -> tuple[Any, Note]:
     """The integrals over one piece and their estimates, (results,), and the note."""
-    at, weights = map(jnp.float64, gauss_legendre(nodes))
+    places, (at, weights) = piece.places, map(jnp.float64, gauss_legendre(nodes))
     half = 0.5 * (places.q - places.p)
-    found, notes = jax.vmap(values.at)(0.5 * (places.p + places.q) + half * at)
+    found, notes = jax.vmap(piece.at)(0.5 * (places.p + places.q) + half * at)
     sums = half * jnp.sum(weights[:, None] * found, axis=0)
     if pieces.estimated:
         size = half * jnp.sum(weights[:, None] * jnp.abs(found[:, : pieces.tested]), axis=0)
@@ -206,24 +206,16 @@ def _gauss(pieces: Pieces, nodes: int, places: Substitution, _: Bends, active: S
     return jnp.where(active, sums, 0.0), where(active, union(notes))
 
 
-def _midpoint(
-    pieces: Pieces,
-    points: int,
-    zero: Scalar,
-    places: Substitution,
-    _: Sequence[Any],
-    active: Scalar,
-    values: OnPiece,
-) -> tuple[Any, Note]:
+def _midpoint(pieces: Pieces, points: int, zero: Scalar, piece: OnPiece, _: Bends, active: Scalar) -> tuple[Any, Note]:
     """The integrals over one piece and their estimates, (results,), and the note; so many points at a time."""
-    p, q, chunk = places.p, places.q, min(points, MIDPOINTS)
+    p, q, chunk = piece.places.p, piece.places.q, min(points, MIDPOINTS)
     tested = pieces.tested if pieces.estimated else 0
 
     def stretch(carried: Any, start: Any) -> tuple[Any, None]:
         sums, errors, last, note = carried
         k = start + jnp.arange(chunk)
         there = active & (k < points)
-        found, notes = jax.vmap(values.at)(p + ((q - p) * ((jnp.minimum(k, points - 1) + 0.5) / points) + zero))
+        found, notes = jax.vmap(piece.at)(p + ((q - p) * ((jnp.minimum(k, points - 1) + 0.5) / points) + zero))
         steps = jnp.abs(found[:, :tested] - jnp.concatenate([last[None], found[:-1, :tested]]))
         steps = jnp.where((k > 0)[:, None], steps, 0.0) + ROUNDING * jnp.abs(found[:, :tested])
         total, error = (jnp.sum(jnp.where(there[:, None], v, 0.0), axis=0) for v in (found, steps))

@@ -328,7 +328,7 @@ def _family_of(plan: Plan, integers: Sequence[int], indices: Sequence[Any], nati
         def program(order: int) -> Program | ArrayProgram:
             return plan.program(derivative_of_order(order, plan.wrt), entry)
 
-        return Family(program, arrays, len(plan.wrt), integers, indices, entries, compiled)
+        return Family(program, (arrays, len(plan.wrt)), integers, indices, entries, compiled)
 
     single = [] if len(plan.entries) == 1 else [made(k, ()) for k in range(len(plan.entries))]
     return made(None, single)
