@@ -109,9 +109,13 @@ def of_corners(asked: Sequence[Moments], before: tuple[Any, ...] = (), scale: fl
 
 def case_of(name: str, rows: Sequence[Corners], asked: Sequence[Moments], tolerance: float) -> Case:
     """All of these functions in one batch."""
-    answers: list[Row] = [tuple(exact(row, m.kind, *m.terms[0][:2]) for row in rows) for m in asked]
+
+    @cache  # when a test asks, not when it is collected
+    def answers() -> tuple[Row, ...]:
+        return tuple(tuple(exact(row, m.kind, *m.terms[0][:2]) for row in rows) for m in asked)
+
     given: list[Row] = [tuple(row[i] for row in rows) for i in range(4)]
-    return Case(name, of_corners(asked), tuple(given), tuple(answers), len(rows), tolerance)
+    return Case(name, of_corners(asked), tuple(given), answers, len(rows), tolerance)
 
 
 NAN, INF, LOG = math.nan, math.inf, math.log(2.0)
