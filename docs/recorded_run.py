@@ -16,7 +16,7 @@ import numpy as np
 from teg.backends.numpy import adaptive, isolate, lanes, locate
 from teg.backends.numpy import runtime as numpy_runtime
 from teg.backends.numpy.arrays import NUMPY, places_of
-from teg.backends.shared.bends import Substitution, substitution
+from teg.backends.shared.bends import Bends, Substitution, substitution
 from teg.backends.shared.error_function import erf, erfc
 from teg.backends.shared.poles import pole_weights
 from teg.numerics.quadrature import gauss_legendre
@@ -219,7 +219,7 @@ class RecordedRun:
         for bend in stmt.bends:
             _check(bend)
             bends.append((bend.kind, *(_get(names, c) for c in bend.coefficients), _get(names, bend.when)))
-        return substitution(NUMPY, np.array([p]), np.array([q]), _get(names, stmt.base), bends, rule.cubic, False, 1.0)
+        return substitution(NUMPY, (np.array([p]), np.array([q])), Bends(_get(names, stmt.base), bends), rule.cubic, False, 1.0)
 
     def _adaptive(self, stmt: Integrate, rule: Adaptive, piece: Piece, places: Substitution, at: Any) -> np.ndarray:
         total, enough, used = np.zeros(len(stmt.values)), np.empty(0), 0

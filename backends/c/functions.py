@@ -16,8 +16,9 @@ from functools import lru_cache, partial
 from typing import cast
 
 from teg.backends.c.bodies import merged
-from teg.backends.c.printer import Together, function_name, function_texts, print_kernel
+from teg.backends.c.printer import Together, function_name
 from teg.backends.c.runtime import runtime
+from teg.backends.c.unit import function_texts, print_kernel
 from teg.program import TEXTS, Program, Unbound
 
 MACROS = """\

@@ -16,9 +16,10 @@ import numpy as np
 
 from teg.backends.c.build import LIGHT, load_library, load_linked
 from teg.backends.c.functions import function_units, kernel_text
-from teg.backends.c.printer import needs_context, print_kernel
+from teg.backends.c.routines import needs_context
 from teg.backends.c.signals import Addresses, Caller
 from teg.backends.c.threads import team_size
+from teg.backends.c.unit import print_kernel
 from teg.errors import BackendError, OptionError, ParameterError
 from teg.program import Outcome, Program
 

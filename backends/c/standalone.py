@@ -12,8 +12,8 @@ from collections.abc import Sequence
 
 from teg.backends.c.batch import ABI
 from teg.backends.c.loops import print_arrays
-from teg.backends.c.printer import print_kernel
 from teg.backends.c.text import harmless
+from teg.backends.c.unit import print_kernel
 from teg.errors import OptionError
 from teg.program import Program
 from teg.program.arrays import ArrayProgram, ArraySpec, Integers, Like, steps

@@ -13,7 +13,7 @@ import pytest
 
 from teg.backends.c import build as c_build
 from teg.backends.c import frame as c_frame
-from teg.backends.c import printer as c_print
+from teg.backends.c import routines as c_routines
 from teg.backends.c.kernel import compile_c, print_kernel
 from teg.backends.c.standalone import standalone_c
 from teg.backends.c.text import literal
@@ -48,7 +48,7 @@ def limits_change_no_bit(case: Case, limits: dict[str, int], monkeypatch: pytest
     """Parts, values and arrays in the workspace, at every size: as in one function on the stack."""
     plain = compile_c(case.program)(columns(case), case.n)
     for name in ("PART", "BY_VALUE", "ON_STACK", "BREAKS_ON_STACK", "LITERALS", "INLINE", "ARGUMENT"):
-        module = c_print if name == "BREAKS_ON_STACK" else c_frame
+        module = c_routines if name == "BREAKS_ON_STACK" else c_frame
         monkeypatch.setattr(module, name, 0 if not limits else limits.get(name, getattr(module, name)))
     np.testing.assert_array_equal(compile_c(case.program)(columns(case), case.n), plain)
 

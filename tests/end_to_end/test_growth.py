@@ -17,7 +17,7 @@ import pytest
 
 import teg
 from teg.analysis.settings import Integration
-from teg.backends.c.printer import print_kernel
+from teg.backends.c.unit import print_kernel
 from teg.errors import NotDifferentiableError
 from teg.evaluator.accuracy import AccuracyWarning
 from teg.ir.traverse import parameters

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import teg
-from teg.backends.c import printer
+from teg.backends.c import integrals
 from teg.backends.c.abreast import is_abreast
 from teg.backends.c.build import load_library
 from teg.backends.c.kernel import compile_c
@@ -44,7 +44,7 @@ def integral(body: teg.Expr, *domain: object) -> teg.Expr:
 def compiled(e: teg.Expr, side_by_side: bool, monkeypatch: pytest.MonkeyPatch) -> teg.Evaluator:
     with monkeypatch.context() as only:
         if not side_by_side:
-            only.setattr(printer, "is_abreast", lambda stmt: False)
+            only.setattr(integrals, "is_abreast", lambda stmt: False)
         f = teg.compile(e, [a, b, t], backend="c")
         f.value_and_grad({name: v[:1] for name, v in AT.items()})
     return f

@@ -20,7 +20,7 @@ from teg.backends.c import frame as c_frame
 from teg.backends.c import polygon as c_polygon
 from teg.backends.c.frame import Frame, Step
 from teg.backends.c.kernel import compile_c
-from teg.backends.c.printer import print_kernel
+from teg.backends.c.unit import print_kernel
 from teg.program import (
     Assign,
     Gauss,

@@ -15,7 +15,7 @@ import pytest
 
 from teg.backends.c import build as c_build
 from teg.backends.c import frame as c_frame
-from teg.backends.c import printer as c_print
+from teg.backends.c import routines as c_routines
 from teg.backends.c.kernel import CKernel, compile_c, print_kernel
 from teg.backends.c.text import literal
 from teg.backends.numpy.kernel import compile_numpy
@@ -251,7 +251,7 @@ def test_limits_change_no_bit(case: Case, limits: dict[str, int], monkeypatch: p
     """Parts, values and arrays in the workspace, at every size: as in one function on the stack."""
     plain = compile_c(case.program)(columns(case), case.n)
     for name in ("PART", "BY_VALUE", "ON_STACK", "BREAKS_ON_STACK", "LITERALS", "INLINE", "ARGUMENT"):
-        module = c_print if name == "BREAKS_ON_STACK" else c_frame
+        module = c_routines if name == "BREAKS_ON_STACK" else c_frame
         monkeypatch.setattr(module, name, 0 if not limits else limits.get(name, getattr(module, name)))
     np.testing.assert_array_equal(compile_c(case.program)(columns(case), case.n), plain)
 
