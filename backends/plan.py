@@ -25,6 +25,8 @@ EXACT: dict[str, tuple[str, Callable[[int, int], int]]] = {
 LEAST, MOST = -(2**63), 2**63 - 1
 BLOCK = 2**18
 """Iterations that are checked at a time."""
+FEW, TOGETHER = 8, 256
+"""Columns of an index array all of which are looked at if one is, and its rows that are looked at as one."""
 
 
 def check_ranges(
@@ -59,6 +61,7 @@ def _settled(
         return (arg, arg) if isinstance(arg, int) else known[arg]
 
     spans: dict[tuple[int, Arg], Interval] = {}
+    columns: dict[int, list[Interval]] = {}
     entries_of: dict[Arg, Integers] = {}
     tables = _tables(program)
     for step in steps(program.body):
@@ -80,9 +83,12 @@ def _settled(
                     return False
                 last = places[-1]
                 key = (k, last if isinstance(last, int) else "")
-                if key not in spans:
-                    entries = arrays[k][..., last] if isinstance(last, int) else arrays[k]
-                    spans[key] = (int(entries.min()), int(entries.max())) if entries.size else (0, 0)
+                if key not in spans and isinstance(last, int) and _is_long_table(arrays[k]):
+                    if k not in columns:
+                        columns[k] = column_intervals(arrays[k])
+                    spans[key] = columns[k][last]
+                elif key not in spans:
+                    spans[key] = _interval(arrays[k][..., last] if isinstance(last, int) else arrays[k])
                 known[name], entries_of[name] = spans[key], step
             case Integers(name, op, (a, b)):
                 found = _combined(op, of(a), of(b))
@@ -98,6 +104,27 @@ def _settled(
             case _:
                 pass
     return True
+
+
+def _interval(entries: npt.NDArray[np.generic]) -> Interval:
+    """Returns the least and the largest of some integers; 0 if there is none."""
+    return (int(entries.min()), int(entries.max())) if entries.size else (0, 0)
+
+
+def _is_long_table(array: npt.NDArray[np.generic]) -> bool:
+    """Returns whether an array is a table of few columns, whose rows lie side by side, and of many rows."""
+    return array.ndim == 2 and array.flags.c_contiguous and array.shape[1] <= FEW and array.shape[0] >= 8 * TOGETHER
+
+
+def column_intervals(table: npt.NDArray[np.generic]) -> list[Interval]:
+    """Returns the least and the largest integer of each column of a long table. Many rows are looked at as one: a column alone is read in
+    steps, and the table once for each of them."""
+    rows, columns = table.shape
+    whole = rows - rows % TOGETHER
+    wide, rest = table[:whole].reshape(-1, TOGETHER * columns), table[whole:]
+    least = np.concatenate([wide.min(axis=0).reshape(TOGETHER, columns), rest]).min(axis=0)
+    most = np.concatenate([wide.max(axis=0).reshape(TOGETHER, columns), rest]).max(axis=0)
+    return [(int(a), int(b)) for a, b in zip(least, most, strict=True)]
 
 
 def _tables(program: ArrayProgram) -> dict[str, tuple[int, ...]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from teg.backends.plan import apply, exactly, listed_rows
+from teg.backends.plan import TOGETHER, apply, column_intervals, exactly, listed_rows
 from teg.errors import ArrayIndexError
 
 BIG = np.array([2**62, 5], dtype=np.int64)
@@ -35,3 +35,11 @@ def test_a_division_by_zero_is_an_error() -> None:
 
 def test_rows_that_are_named() -> None:
     np.testing.assert_array_equal(listed_rows(np.array([[3, 0], [3, 9]]), 5), [0, 3])
+
+
+@pytest.mark.parametrize("rows", [TOGETHER, TOGETHER + 1, 5 * TOGETHER, 9 * TOGETHER + 7])
+def test_intervals_of_columns(rows: int) -> None:
+    """Also where the extreme entry is in the last rows, which do not fill a block."""
+    table = np.random.default_rng(rows).integers(-9, 9, (rows, 3))
+    table[-1] = [50, -50, 0]
+    assert column_intervals(table) == [(int(column.min()), int(column.max())) for column in table.T]
