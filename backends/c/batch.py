@@ -133,7 +133,7 @@ class _Batch:
     @property
     def crossed(self) -> str | None:
         """The function of points that surfaces cross."""
-        return self.straight.crossed.name if self.straight and self.straight.crossed else None
+        return self.straight.crossed.lines[0].name if self.straight and self.straight.crossed else None
 
     @property
     def has_base(self) -> bool:
@@ -209,17 +209,18 @@ class _Batch:
         straight = self.straight
         if not straight or not straight.crossed:
             return []
-        given = ", ".join([*(f"in[{i}]" for i in straight.crossed.inputs), "steady", "across", "good"])
+        line = straight.crossed.lines[0]
+        given = ", ".join([*(f"in[{i}]" for i in line.inputs), "steady", "across", "good"])
         to = f"for (int j = 0; j < {self.outputs}; j++) f[{self.apart} * j]"
         return [
             f"double steady[{straight.crossed.kept}];",
-            f"if (waiting) {straight.crossed.steady}(steady);",
+            f"if (waiting) {straight.crossed.steady.name}(steady);",
             f"for (int g = 0; g < waiting && !stopped; g += {SIDE}) {{",
             *indent(
                 f"const int few = waiting - g < {SIDE} ? waiting - g : {SIDE};",
                 f"double good[{SIDE}];",
                 *gathered,
-                f"{straight.crossed.name}({given});",
+                f"{line.name}({given});",
                 "for (int k = 0; k < few; k++) {",
                 *indent(
                     "double *const f = results + waits[g + k];",

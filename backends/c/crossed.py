@@ -33,6 +33,8 @@ LONGEST = 5000
 """Statements of a straight line with each loop over nodes counted once."""
 MOST = 1600
 """Statements of a program that is looked at."""
+MOST_APART = 4
+"""Half-planes up to which each one has a line of its own, for boxes that no other one crosses."""
 POINTS = 2
 """Random points at which equations must hold."""
 ARITHMETIC = SIDE_BY_SIDE | {"abs", "gt0", "ge0", "lt0", "le0", "and", "or", "not", "ok", "select", "min", "max", "lower", "upper"}
@@ -69,12 +71,13 @@ class Crossed:
     good: Arg
 
 
-def crossed(program: Program, inputs: Sequence[Mapping[str, int | None]] | None = None) -> Crossed | None:
+def crossed(program: Program, inputs: Sequence[Mapping[str, int | None]] | None = None, alone: int | None = None) -> Crossed | None:
     """Returns the straight line; None if there is none, or no surface. `inputs` has the residues of the parameters at several random
-    points; by default, nothing connects them."""
+    points; by default, nothing connects them. If a half-plane of the polygons stands `alone`, the others hold on all of the box: it is not
+    good elsewhere."""
     if len(program.body) > MOST or not any(isinstance(s, Polygon | Segment) for s in statements(program.body)):
         return None
-    line = _Line(program, inputs or unconnected(program))
+    line = _Line(program, inputs or unconnected(program), alone)
     if not line.through(program.body, True):
         return None
     w = line.writer
@@ -89,6 +92,14 @@ def crossed(program: Program, inputs: Sequence[Mapping[str, int | None]] | None 
     return Crossed(tuple(items), outputs, good) if short and _is_arithmetic(items) else None
 
 
+def lines_apart(program: Program, inputs: Sequence[Mapping[str, int | None]] | None) -> list[Crossed]:
+    """Returns a straight line for each half-plane that may stand alone; none if polygons have others than each other, one or many."""
+    planes = {s.half_planes for s in statements(program.body) if isinstance(s, Polygon)}
+    number = len(planes.pop()) if len(planes) == 1 else 0
+    lines = [crossed(program, inputs, alone) for alone in range(number)] if 1 < number <= MOST_APART else []
+    return [] if any(line is None for line in lines) else [line for line in lines if line is not None]
+
+
 def unconnected(program: Program) -> list[Mapping[str, int | None]]:
     """Returns residues of the parameters of a program, at several points, which nothing connects."""
     return [{f"p{i}": random_residue(point, i) for i in range(len(program.parameters))} for point in range(POINTS)]
@@ -97,12 +108,15 @@ def unconnected(program: Program) -> list[Mapping[str, int | None]]:
 class _Line:
     """The items of the straight line, and the conditions under which it is the program."""
 
-    def __init__(self, program: Program, inputs: Sequence[Mapping[str, int | None]]) -> None:
+    def __init__(self, program: Program, inputs: Sequence[Mapping[str, int | None]], alone: int | None) -> None:
         self._numbers = unused_numbers(n for s in statements(program.body) for n in assigned(s))
         self.writer = Writer(self._numbers)
         self.items: list[Item] = []
         self.conditions: list[Arg] = []
         self._residues = [_residues(program, known) for known in inputs]
+        self._alone = alone
+        self._inside: list[Arg] = []  # conditions of the branches around
+        self._cases: set[tuple[Arg, Arg]] = set()  # one of which must hold
         self._polygons: list[tuple[Polygon, Crossing]] = []
         self.defined: dict[Arg, None] = {}
         """Numbers that must not be NaN."""
@@ -128,19 +142,34 @@ class _Line:
                 case Assign():
                     self._plain(stmt)
                 case When():
-                    if not self.through(stmt.body, held and stmt is self._decisive):
+                    is_decisive = held and stmt is self._decisive
+                    self._inside += [] if is_decisive else [self.value(stmt.when)]
+                    if not self.through(stmt.body, is_decisive):
                         return False
+                    if not is_decisive:
+                        self._inside.pop()
                     if stmt is not self._decisive:
                         self._where(stmt.when, stmt.results)
                 case Polygon() if _is_crossable(stmt):
                     self._on_condition(stmt, self._polygon(stmt))
                 case Segment() if all(isinstance(s, Assign) for s in (*stmt.setup, *stmt.body)):
-                    self._on_condition(stmt, self._segment(stmt))
+                    of = self._side(stmt)
+                    if of is not None and self._alone not in (None, of[2].line):
+                        if not self._not_run(stmt):
+                            return False
+                    else:
+                        self._on_condition(stmt, self._segment(stmt, of))
                 case _:
-                    if stmt.when is None:
+                    if not self._not_run(stmt):
                         return False
-                    self.conditions.append(self.writer.put("b", "not", self.value(stmt.when)))
-                    self._known.update(absent(stmt))
+        return True
+
+    def _not_run(self, stmt: Stmt) -> bool:
+        """Returns whether a statement has a condition, which must not hold: its results are those of what is not run."""
+        if isinstance(stmt, Assign) or stmt.when is None:
+            return False
+        self.conditions.append(self.writer.put("b", "not", self.value(stmt.when)))
+        self._known.update(absent(stmt))
         return True
 
     def _on_condition(self, stmt: Polygon | Segment, conditions: Sequence[Arg]) -> None:
@@ -156,7 +185,8 @@ class _Line:
     def _where(self, when: str, results: Iterable[str]) -> None:
         condition = self.value(when)
         for result in results:
-            self._known[result] = self.writer.select(condition, self.value(result), 0.0)
+            value = self.value(result)
+            self._known[result] = 0.0 if value == 0.0 else self.writer.select(condition, value, 0.0)
 
     def _tie(self, stmt: Assign) -> None:
         g, scale = map(self.value, stmt.args[:2])
@@ -165,8 +195,19 @@ class _Line:
         self._plain(Assign(stmt.name, "gt0", (g,)))
 
     def _plain(self, stmt: Assign) -> None:
-        """Appends an assignment."""
-        self.writer.lines += self._block([stmt])
+        """Appends an assignment; a value that is one of two equal ones is that. Where one of three is NaN, the others are a condition."""
+        made, w = self._block([stmt]), self.writer
+        last = made[-1]
+        if last.op == "select" and isinstance(other := self._made.get(last.args[2]), Assign) and _is_nan_else(other):
+            cases = (last.args[0], other.args[0])
+            if cases not in self._cases:
+                self._cases.add(cases)
+                self.conditions.append(w.any(*(w.put("b", "not", when) for when in self._inside), *cases))
+            last = self._made[last.name] = Assign(last.name, "select", (*last.args[:2], other.args[1]))
+        if last.op == "select" and last.args[1] == last.args[2]:
+            self._known[last.name] = last.args[1]
+            return
+        w.lines += [*made[:-1], last]
 
     def _block(self, block: Iterable[Stmt]) -> list[Assign]:
         """Returns the assignments of a block: an integral power as products, and of three cases the first two where the last is NaN."""
@@ -219,7 +260,7 @@ class _Line:
         w.lines += self._block(stmt.setup)
         planes = [replace(g, a=self.value(g.a), b=self.value(g.b), c=self.value(g.c)) for g in stmt.half_planes]
         width, height = self.value(stmt.width), self.value(stmt.height)
-        cut = crossing(w, planes, width, height, stmt.degree, 3 if stmt.corners else 0)
+        cut = crossing(w, planes, (width, height), stmt.degree, 3 if stmt.corners else 0, self._alone)
         self._polygons.append((stmt, cut))
         self.conditions += [w.positive(extent) for extent in (width, height) if isinstance(extent, str)]  # whether it is run or not
         half_width, half_height = w.mul(0.5, width), w.mul(0.5, height)
@@ -266,22 +307,26 @@ class _Line:
         cut.conditions.extend([w.positive(w.sub(across, w.mul(2.0 * STOUT[stmt.degree], change))), w.positive(across)])
         return [(w.mul(c, inverse), w.mul(a, inverse), w.mul(b, inverse)) for a, b, c in cut.scaled[1:3]]
 
-    def _segment(self, stmt: Segment) -> list[Arg]:
-        """Appends a segment; returns the conditions under which it is right."""
+    def _side(self, stmt: Segment) -> tuple[Polygon, Crossing, Side] | None:
+        """Returns the polygon that a segment is a side of, and that side."""
+        return next(((p, c, side) for p, c in self._polygons if (side := side_of(p, stmt, self._residues))), None)
+
+    def _segment(self, stmt: Segment, of: tuple[Polygon, Crossing, Side] | None) -> list[Arg]:
+        """Appends a segment, which is a side `of` a polygon; returns the conditions under which it is right."""
         w = self.writer
         w.lines += self._block(stmt.setup)
-        start, length, conditions = self._of_a_side(stmt) or self._cut(stmt)
+        start, length, extent, conditions = self._chord(stmt, *of) if of else self._cut(stmt)
         nodes, weights = gauss_legendre(stmt.nodes)
         at = f"v{next(self._numbers)}"
         places = {at: tuple(0.5 + 0.5 * float(u) for u in nodes)}
         inside = Writer(self._numbers)
         inside.lines.append(Assign(stmt.var, "add", (start, inside.mul(length, at))))
         body = (*inside.lines, *self._block(stmt.body))
-        self._sums(stmt, Nodes(places, tuple(0.5 * float(v) for v in weights), body, (), ()), length)
+        self._sums(stmt, Nodes(places, tuple(0.5 * float(v) for v in weights), body, (), ()), extent)
         return conditions
 
-    def _cut(self, stmt: Segment) -> tuple[Arg, Arg, list[Arg]]:
-        """Returns where the part of a segment begins that is in all half-lines, its length, and conditions."""
+    def _cut(self, stmt: Segment) -> tuple[Arg, Arg, Arg, list[Arg]]:
+        """Returns where the part of a segment begins that is in all half-lines, its length, how much of it counts, and conditions."""
         w = self.writer
         start: Arg = 0.0
         stop: Arg = 1.0
@@ -299,14 +344,13 @@ class _Line:
             size = 0.0 if g.k is None else w.mul(NEARLY, self.value(g.size))
             conditions.append(w.positive(w.sub(larger, size)))
         conditions.append(w.finite(*changes))
-        return start, w.upper(w.sub(stop, start), 0.0), conditions
+        length = w.upper(w.sub(stop, start), 0.0)
+        return start, length, length, conditions
 
-    def _of_a_side(self, stmt: Segment) -> tuple[Arg, Arg, list[Arg]] | None:
-        """Returns the same of a segment that is a side of a polygon: its chord there."""
+    def _chord(self, stmt: Segment, polygon: Polygon, cut: Crossing, side: Side) -> tuple[Arg, Arg, Arg, list[Arg]]:
+        """Returns the same of a segment that is a side of a polygon: its chord there. Half of it counts on a side of the box: it is in one
+        of the two orders of that tie."""
         w = self.writer
-        polygon, cut, side = next(((p, c, s) for p, c in self._polygons if (s := side_of(p, stmt, self._residues))), (None, None, None))
-        if polygon is None or cut is None or side is None:
-            return None
         half_width, half_height = (w.mul(0.5, self.value(extent)) for extent in (polygon.width, polygon.height))
         line, chord = cut.lines[side.line], cut.chords[side.line]
         planes = [[self.value(g.a), self.value(g.b), self.value(g.c)] for g in polygon.half_planes]
@@ -325,7 +369,11 @@ class _Line:
             a, b, c = planes[number]
             at = polygon.across if polygon.corners and number < 3 else w.add(w.mul(a, ends[end][0]), w.mul(b, ends[end][1]), c)
             conditions.append(w.positive(self.value(at)))
-        return w.sub(middle, half), w.mul(2.0, half), conditions
+        length: Arg = w.mul(2.0, half)
+        if line.tied is not False and not all(g.k is not None for g in stmt.half_lines):
+            conditions.append(w.put("b", "not", line.tied))
+        extent = length if line.tied is False else w.select(line.tied, half, length)
+        return w.sub(middle, half), length, extent, conditions
 
     def _along(self, side: Side, a: Arg, b: Arg) -> tuple[Arg, Arg]:
         """Returns the difference of the ends of a side in u and in v; of the half-plane's slopes where it can be, which may be steady."""

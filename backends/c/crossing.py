@@ -34,6 +34,8 @@ AWAY = 64.0
 """The crossing of nearly parallel lines is this far from the box if they are two."""
 LEVEL = 2.0**-60
 """Lines are turned by this angle: it has no effect on results, and reciprocals are finite."""
+BEYOND = 1.0 + 2.0**-40
+"""Where a side of the box is for lines parallel to it."""
 STOUT = (2.0**-3, 2.0**-3, 2.0**-3, 2.0**-2, 2.0**-2)
 """A triangle is stout if its value opposite to an edge is at least this part of the change of its half-planes over the box, by degree."""
 SPECK = 2.0**-14
@@ -121,7 +123,8 @@ Moments = dict[tuple[int, int], Arg]
 
 
 class _Line(NamedTuple):
-    """A line: slopes, constant, the point nearest to the middle, reciprocals."""
+    """A line: slopes, constant, the point nearest to the middle, reciprocals. The sides that cut it are at X = ±`right` and Y = ±`top`. It
+    is `tied` if it lies along a side, the box inside of its half-plane."""
 
     a: Arg
     b: Arg
@@ -131,6 +134,9 @@ class _Line(NamedTuple):
     per_square: Arg
     per_a: Arg
     per_b: Arg
+    right: Arg = 1.0
+    top: Arg = 1.0
+    tied: Arg = False
 
 
 class _Chord(NamedTuple):
@@ -142,13 +148,13 @@ class _Chord(NamedTuple):
 
 
 class Crossing(NamedTuple):
-    """The moments, relative to the area width·height/4, the scaled slopes and constants of the half-planes, their lines and chords, and the
-    conditions under which the moments are right."""
+    """The moments, relative to the area width·height/4, the scaled slopes and constants of the half-planes, the lines and chords of those
+    that cut the box, and the conditions under which the moments are right."""
 
     moments: Moments
     scaled: list[tuple[Arg, Arg, Arg]]
-    lines: list[_Line]
-    chords: list[_Chord]
+    lines: dict[int, _Line]
+    chords: dict[int, _Chord]
     conditions: list[Arg]
 
     def middle_of(self, w: Writer, number: int) -> tuple[Arg, Arg]:
@@ -164,25 +170,31 @@ class Crossing(NamedTuple):
         def away(size: Arg, other: Arg, at: Arg) -> Arg:
             return w.positive(w.upper(w.sub(size, w.mul(ALONG, other)), w.sub(w.abs(w.sub(w.abs(at), 1.0)), ALONG)))
 
-        return [away(size_b, size_a, line.px), away(size_a, size_b, line.py)]
+        both = [away(size_b, size_a, line.px), away(size_a, size_b, line.py)]
+        return both if line.tied is False else [w.any(w.put("b", "and", *both), line.tied)]
 
 
-def crossing(w: Writer, planes: Sequence[HalfPlane], width: Arg, height: Arg, degree: int, apart: int) -> Crossing:
+def crossing(
+    w: Writer, planes: Sequence[HalfPlane], extents: tuple[Arg, Arg], degree: int, apart: int, alone: int | None = None
+) -> Crossing:
     """Returns the moments for polynomials of a degree where all half-planes hold on the box. The first `apart` are sides of a stout
-    triangle: no two of them are nearly parallel."""
+    triangle: no two of them are nearly parallel. If one stands `alone`, the others hold on all of the box, which is a condition."""
+    width, height = extents
     half_width, half_height = w.mul(0.5, width), w.mul(0.5, height)
     scaled: list[tuple[Arg, Arg, Arg]] = []
     for g in planes:
         a, b = w.mul(g.a, half_width), w.mul(g.b, half_height)
         scaled.append((a, b, w.add(g.c, w.add(a, b))))
     conditions: list[Arg] = []
-    lines = [_line(w, *g, conditions) for g in scaled]
+    numbers = range(len(scaled)) if alone is None else [alone]
+    lines = [_line(w, *scaled[number], conditions, len(numbers) == 1) for number in numbers]
+    conditions += [w.positive(w.sub(c, w.add(w.abs(a), w.abs(b)))) for number, (a, b, c) in enumerate(scaled) if number not in numbers]
     cuts = _cuts(w, lines, conditions, apart)
     chords = [_chord(w, *g) for g in zip(lines, cuts, strict=True)]
     total = _moments(w, lines, chords, degree)
     area = total[0, 0]
     conditions.append(w.any(w.positive(w.sub(area, 4.0 * SPECK)), *_nothing_left(w, area, width, height)))
-    return Crossing(total, scaled, lines, chords, conditions)
+    return Crossing(total, scaled, dict(zip(numbers, lines, strict=True)), dict(zip(numbers, chords, strict=True)), conditions)
 
 
 def _nothing_left(w: Writer, area: Arg, width: Arg, height: Arg) -> list[Arg]:
@@ -195,16 +207,29 @@ def _nothing_left(w: Writer, area: Arg, width: Arg, height: Arg) -> list[Arg]:
     return [empty] if large < WIDEST else []
 
 
-def _line(w: Writer, a: Arg, b: Arg, c: Arg, conditions: list[Arg]) -> _Line:
-    """Returns a line; it must not run along the side X = 1. (Along X = -1 the primitives are 0, along the others Y does not change.)"""
+def _line(w: Writer, a: Arg, b: Arg, c: Arg, conditions: list[Arg], alone: bool) -> _Line:
+    """Returns a line; it must not run along the side X = 1. (Along X = -1 the primitives are 0, along the others Y does not change.) If no
+    other one cuts the box, it may lie on a side."""
     size_a, size_b = w.abs(a), w.abs(b)
+    right, top, tied = _on_a_side(w, size_a, size_b, c) if alone else (1.0, 1.0, False)
     a, b = w.add(a, w.mul(LEVEL, size_b)), w.add(b, w.mul(LEVEL, size_a))
     per_square = w.div(1.0, w.add(w.mul(a, a), w.mul(b, b)))
     f = w.neg(w.mul(c, per_square))
     px, py = w.mul(f, a), w.mul(f, b)
     conditions.append(w.positive(per_square))  # not NaN, no overflow
-    conditions.append(w.positive(w.upper(w.sub(size_b, w.mul(ALONG, size_a)), w.sub(w.abs(w.sub(px, 1.0)), ALONG))))
-    return _Line(a, b, c, px, py, per_square, w.div(1.0, a), w.div(1.0, b))
+    beside = w.positive(w.upper(w.sub(size_b, w.mul(ALONG, size_a)), w.sub(w.abs(w.sub(px, 1.0)), ALONG)))
+    conditions.append(beside if tied is False else w.any(beside, tied))
+    return _Line(a, b, c, px, py, per_square, w.div(1.0, a), w.div(1.0, b), right, top, tied)
+
+
+def _on_a_side(w: Writer, size_a: Arg, size_b: Arg, c: Arg) -> tuple[Arg, Arg, Arg]:
+    """Returns where the sides are that cut a line, a little beyond 1 if it is parallel to them: a line on a side is not cut by it. And
+    whether it is one, the box inside of its half-plane. The moments are those of the box then: along X = 1, its part is the line's."""
+    vertical, level = w.put("b", "le0", size_b), w.put("b", "le0", size_a)
+    right, top = (w.select(parallel, BEYOND, 1.0) for parallel in (vertical, level))
+    distance = w.select(vertical, size_a, w.select(level, size_b, -1.0))
+    near = w.put("b", "le0", w.abs(w.sub(c, distance)))
+    return right, top, w.put("b", "and", w.put("b", "gt0", distance), near)
 
 
 def _cuts(w: Writer, lines: Sequence[_Line], conditions: list[Arg], stout: int) -> list[list[tuple[Arg, Arg]]]:
@@ -231,8 +256,8 @@ def _cuts(w: Writer, lines: Sequence[_Line], conditions: list[Arg], stout: int) 
 
 def _chord(w: Writer, line: _Line, crossings: Sequence[tuple[Arg, Arg]]) -> _Chord:
     """Returns what the box and the crossings leave of a line."""
-    first, last = w.mul(w.sub(-1.0, line.px), line.per_b), w.mul(w.sub(1.0, line.px), line.per_b)
-    bottom, top = w.mul(w.sub(line.py, -1.0), line.per_a), w.mul(w.sub(line.py, 1.0), line.per_a)
+    first, last = w.mul(w.sub(w.neg(line.right), line.px), line.per_b), w.mul(w.sub(line.right, line.px), line.per_b)
+    bottom, top = w.mul(w.sub(line.py, w.neg(line.top)), line.per_a), w.mul(w.sub(line.py, line.top), line.per_a)
     start: Arg = w.upper(w.lower(first, last), w.lower(bottom, top))
     stop: Arg = w.lower(w.upper(first, last), w.upper(bottom, top))
     for at, beyond in crossings:

@@ -6,12 +6,15 @@ from collections.abc import Sequence
 
 from teg.backends.c.lanes import SIDE, decisive_branch
 from teg.backends.c.queues import Queue
-from teg.backends.c.spans import PLACES, Rows, function, prefetched, rows_of
+from teg.backends.c.spans import HELD, LINES, PLACES, Rows, function, prefetched, rows_of
 from teg.backends.c.steps import StepPrinter, array_of, named
 from teg.backends.c.straights import Staged, Straight
 from teg.backends.c.text import indent, packed, spelled
 from teg.program.arrays import Arg, ArrayProgram, Cells, Loop, Number, Run, Scatter, Step
 from teg.program.fields import operands, result_names
+
+FEW = 5
+"""Points that wait at the end for a line of their own up to which they rather join those that wait for any."""
 
 
 class IterationPrinter(StepPrinter):
@@ -35,7 +38,7 @@ class IterationPrinter(StepPrinter):
         opening = [line for q in carried for line in self._opened(q)]
         closing: list[str] = []
         for q in carried:
-            closing += [f"if (waiting_{q.name}) {{", *indent(*self._flushed(q)), "}"]
+            closing += self._emptied(q)
             closing += [f"if (plain_{q.name}) {{", *indent(*self._flushed_plain(q)), "}"] if self._straight_of(q).covered else []
             closing += q.closed()
         return [*opening, *self._each(step, lo, hi, depth), *closing]
@@ -46,12 +49,13 @@ class IterationPrinter(StepPrinter):
 
     def _opened(self, queue: Queue) -> list[str]:
         """Returns the declaration of a queue, with what is the same for all that waits in it."""
-        straight, lines = self._straight_of(queue), queue.opened()
+        straight = self._straight_of(queue)
+        lines = queue.opened(straight.crossed.apart if straight.crossed else 0)
         for name, staged in (("same", straight.crossed), ("alike", straight.covered)):
             if staged is not None:
-                given = [spelled(queue.run.inputs[i]) for i in staged.steady_inputs]
+                given = [spelled(queue.run.inputs[i]) for i in staged.steady.inputs]
                 lines.append(f"double {name}_{queue.name}[{staged.kept}];")
-                lines.append(f"{staged.steady}({', '.join([*given, f'{name}_{queue.name}'])});")
+                lines.append(f"{staged.steady.name}({', '.join([*given, f'{name}_{queue.name}'])});")
         if straight.covered is not None:
             lines += [
                 f"double simple_{queue.name}[{max(1, len(_kept(queue, straight.covered)))}][{SIDE}];",
@@ -59,47 +63,88 @@ class IterationPrinter(StepPrinter):
             ]
         return lines
 
-    def _flushed(self, queue: Queue) -> list[str]:
+    def _emptied(self, queue: Queue) -> list[str]:
+        """Returns lines that compute what waits at the end. Few points that wait for a line of their own join those that wait for any."""
+        apart, name = self._apart(queue), queue.name
+        if not apart:
+            return [f"if (waiting_{name}[0]) {{", *indent(*self._flushed(queue, "0")), "}"]
+        return [
+            f"for (int line = {apart}; line >= 0; line--) {{",
+            *indent(
+                f"const int few = line && waiting_{name}[line] < {FEW} && waiting_{name}[0] + waiting_{name}[line] <= {SIDE};",
+                f"for (int k = 0; few && k < waiting_{name}[line]; k++) {{",
+                *indent(
+                    f"for (int m = 0; m < {len(queue.varying)}; m++)",
+                    *indent(f"queue_{name}[0][m][waiting_{name}[0]] = queue_{name}[line][m][k];"),
+                    f"waiting_{name}[0]++;",
+                ),
+                "}",
+                f"if (few || !waiting_{name}[line]) {{",
+                *indent(f"waiting_{name}[line] = 0;", "continue;"),
+                "}",
+                *self._flushed(queue, "line"),
+            ),
+            "}",
+        ]
+
+    def _apart(self, queue: Queue) -> int:
+        """Returns how many lines there are for points that one half-plane alone crosses."""
+        crossed = self._straight_of(queue).crossed
+        return crossed.apart if crossed else 0
+
+    def _called(self, queue: Queue, which: str, *more: str) -> list[str]:
+        """Returns the call of the function of eight points for which a queue waits."""
+        crossed, run, name = self._straight_of(queue).crossed, queue.run, queue.name
+        assert crossed is not None
+        calls: list[str] = []
+        for line in crossed.lines:
+            given = [f"waits[{queue.varying.index(i)}]" if i in queue.varying else spelled(run.inputs[i]) for i in line.inputs]
+            calls.append(f"{line.name}({', '.join([*given, f'same_{name}', *more])});")
+        if len(calls) == 1:
+            return calls
+        cases = [f"{f'case {n}' if n else 'default'}: {call} break;" for n, call in enumerate(calls)]
+        return [f"switch ({which}) {{", *cases, "}"]
+
+    def _flushed(self, queue: Queue, which: str) -> list[str]:
         """Returns lines that compute the iterations in a queue; if it is not full, the last one is repeated. Where they are only added up,
         the function does so, but for those that are not good."""
         run, name, array, count = queue.run, queue.name, array_of(queue.run), len(queue.run.results)
-        crossed = self._straight_of(queue).crossed
-        assert crossed is not None
-        given = [f"queue_{name}[{queue.varying.index(i)}]" if i in queue.varying else spelled(run.inputs[i]) for i in crossed.inputs]
         declaration, *call = self._run(run)
-        inputs = [f"const double {run.inputs[i]} = queue_{name}[{m}][k];" for m, i in enumerate(queue.varying)]
+        inputs = [f"const double {run.inputs[i]} = waits[{m}][k];" for m, i in enumerate(queue.varying)]
         repeated = [
+            f"double (*const waits)[{SIDE}] = queue_{name}[{which}];",
+            f"const int waiting = waiting_{name}[{which}];",
             f"for (int m = 0; m < {len(queue.varying)}; m++)",
-            *indent(f"for (int k = waiting_{name}; k < {SIDE}; k++) queue_{name}[m][k] = queue_{name}[m][waiting_{name} - 1];"),
+            *indent(f"for (int k = waiting; k < {SIDE}; k++) waits[m][k] = waits[m][waiting - 1];"),
         ]
 
         def one_by_one(*lines: str) -> list[str]:
             inside = ["if (good[k] != 0.0) continue;", declaration, *inputs, *call, *lines]
-            return [f"for (int k = 0; k < waiting_{name}; k++) {{", *indent(*inside), "}"]
+            return ["for (int k = 0; k < waiting; k++) {", *indent(*inside), "}"]
 
         if not queue.after:
             return [
                 *repeated,
                 f"double good[{SIDE}];",
-                f"{crossed.name}({', '.join([*given, f'same_{name}', f'lanes_{name}', f'waiting_{name}', 'good'])});",
+                *self._called(queue, which, f"lanes_{name}", "waiting", "good"),
                 *one_by_one(*packed(f"lanes_{name}[{m}][k] += {array}[{j}];" for m, j in enumerate(queue.added))),
-                f"waiting_{name} = 0;",
+                f"waiting_{name}[{which}] = 0;",
             ]
         return [
             *repeated,
             f"double f[{SIDE * count}], good[{SIDE}];",
-            f"{crossed.name}({', '.join([*given, f'same_{name}', 'f', 'good'])});",
+            *self._called(queue, which, "f", "good"),
             *one_by_one(f"for (int j = 0; j < {count}; j++) f[{SIDE} * j + k] = {array}[j];"),
-            f"for (int k = waiting_{name}; k < {SIDE}; k++) for (int j = 0; j < {count}; j++) f[{SIDE} * j + k] = 0.0;",
+            f"for (int k = waiting; k < {SIDE}; k++) for (int j = 0; j < {count}; j++) f[{SIDE} * j + k] = 0.0;",
             *queue.into_lanes("f[{at} + k]"),
-            f"for (int k = 0; k < waiting_{name}; k++) {{",
+            "for (int k = 0; k < waiting; k++) {",
             *indent(
                 *(f"const int64_t {index} = place_{name}[{m}][k];" for m, index in enumerate(queue.indices)),
                 *packed([f"{r} = f[{SIDE * j} + k]" for j, r in enumerate(run.results)], "const double ", ", ", ";"),
                 *self._block([*queue.integers, *queue.after], 1),
             ),
             "}",
-            f"waiting_{name} = 0;",
+            f"waiting_{name}[{which}] = 0;",
         ]
 
     def _flushed_plain(self, queue: Queue) -> list[str]:
@@ -107,11 +152,11 @@ class IterationPrinter(StepPrinter):
         covered, name = self._straight_of(queue).covered, queue.name
         assert covered is not None
         kept = _kept(queue, covered)
-        given = [f"simple_{name}[{kept.index(i)}]" if i in kept else spelled(queue.run.inputs[i]) for i in covered.inputs]
+        given = [f"simple_{name}[{kept.index(i)}]" if i in kept else spelled(queue.run.inputs[i]) for i in covered.lines[0].inputs]
         return [
             f"for (int m = 0; m < {len(kept)}; m++)",
             *indent(f"for (int k = plain_{name}; k < {SIDE}; k++) simple_{name}[m][k] = simple_{name}[m][plain_{name} - 1];"),
-            f"{covered.name}({', '.join([*given, f'alike_{name}', f'lanes_{name}', f'plain_{name}'])});",
+            f"{covered.lines[0].name}({', '.join([*given, f'alike_{name}', f'lanes_{name}', f'plain_{name}'])});",
             f"plain_{name} = 0;",
         ]
 
@@ -159,8 +204,9 @@ class IterationPrinter(StepPrinter):
         adding = not only_adds(step, run)  # whether an iteration that is not live has something to add
         later = [i for i in straight.used if i not in straight.decided_by]
         queue = self.queues.get(id(run))
-        decided = [*gathered(straight.decided_by), f"int64_t live[{SIDE}], fast[{SIDE}];"]
-        decided.append(f"const int some = {straight.decision}({arguments(straight.decided_by, 'live', 'fast')});")
+        told = ["live", "fast", *(["held"] if queue and self._apart(queue) else [])]
+        decided = [*gathered(straight.decided_by), f"int64_t {', '.join(f'{array}[{SIDE}]' for array in told)};"]
+        decided.append(f"const int some = {straight.decision}({arguments(straight.decided_by, *told)});")
         decided += [] if adding else ["if (!some) continue;"]
         if straight.line:
             line = [*gathered(later), f"{straight.line}({arguments(straight.used, 'f')});"]
@@ -203,7 +249,10 @@ class IterationPrinter(StepPrinter):
         inside, numbers = rows.inside | {step.index}, counted(row)
         moving = [i for i in narrow.inputs if run.inputs[i] in inside]
         indices = {i for i in narrow.inputs if run.inputs[i] in numbers}
-        routine = self.printer.once("spans", function(narrow.name, narrow.known, indices, set(moving)))
+        apart = self._apart(self.queues[id(run)])
+        lines = list(enumerate(LINES, len(PLACES))) if apart else []
+        width = len(PLACES) + len(lines) + len(HELD) * apart
+        routine = self.printer.once("spans", function(narrow.name, narrow.known, indices, set(moving), apart > 0))
         given = [f"q{i}" if i in moving else spelled(run.inputs[i]) for i in narrow.inputs if i not in indices]
         wanted = {*(run.inputs[i] for i in moving), row.lo, row.hi}
         gathered = [
@@ -212,12 +261,16 @@ class IterationPrinter(StepPrinter):
         ]
         gathered += [f"q{i}[k] = {spelled(run.inputs[i])};" for i in moving]
         ends = [f"const int64_t {row.index}_{end} = {spelled(row.lo)} + (int64_t){spans}[{m}][k];" for m, end in enumerate(PLACES)]
+        told = [f"const int {row.index}_{end} = (int){spans}[{m}][k];" for m, end in lines]
+        first = len(PLACES) + len(lines)
+        held = [(f"{spans}[{first + 2 * h}][k]", f"{spans}[{first + 2 * h + 1}][k]") for h in range(apart)]
+        held = [(f"{row.index} - {spelled(row.lo)} >= {a}", f"{row.index} - {spelled(row.lo)} < {b}") for a, b in held]
         ahead = prefetched(row, run)
         each = [f"const int64_t {step.index} = {at} + k;", *self._block(rows.before, depth), *ends]
         names = [
             f"{row.index}_lo[{SIDE}]",
             f"{row.index}_length[{SIDE}]",
-            f"{spans}[{len(PLACES)}][{SIDE}]",
+            f"{spans}[{width}][{SIDE}]",
             *(f"q{i}[{SIDE}]" for i in moving),
         ]
         return [
@@ -236,7 +289,7 @@ class IterationPrinter(StepPrinter):
                 f"{routine.name}({', '.join([*given, f'{row.index}_lo', f'{row.index}_length', spans])});",
                 *([f"for (int k = 0; k < {count}; k++) {{", *indent(*each, *ahead), "}"] if ahead else []),
                 f"for (int k = 0; k < {count}; k++) {{",
-                *indent(*each, *self._span(row, run, depth + 1)),
+                *indent(*each, *told, *self._span(row, run, held, depth + 1)),
                 "}",
             ),
             "}",
@@ -244,16 +297,22 @@ class IterationPrinter(StepPrinter):
 
     def _spans(self, step: Loop, run: Run, lo: str, hi: str, depth: int) -> list[str]:
         """Returns the iterations of a loop of which it is known from the first and the last one which are live and which covered."""
-        narrow, _, _ = _narrowed(step, run, self.straights[id(run)], lo, hi)
-        return [*narrow, *self._span(step, run, depth)]
+        apart = self._apart(self.queues[id(run)])
+        narrow, _, _ = _narrowed(step, run, self.straights[id(run)], lo, hi, apart)
+        index, (holds, fails) = step.index, HELD
+        held = [(f"{index} >= {index}_{holds}_{h}", f"{index} < {index}_{fails}_{h}") for h in range(apart)]
+        told = [f"const int {index}_{end} = 0;" for end in (LINES if apart else ())]
+        return [*narrow, *told, *self._span(step, run, held, depth)]
 
-    def _span(self, step: Loop, run: Run, depth: int) -> list[str]:
-        """Returns the iterations of a loop of which it is known which are live and which covered."""
+    def _span(self, step: Loop, run: Run, held: Sequence[tuple[str, str]], depth: int) -> list[str]:
+        """Returns the iterations of a loop of which it is known which are live and which covered. `held` has two conditions for each of the
+        half-planes that are told apart, under which it holds in an iteration."""
         straight, queue, index = self.straights[id(run)], self.queues[id(run)], step.index
         assert straight.covered is not None
         before = step.body[: step.body.index(run)]
         start, stop, since, until = (f"{index}_{end}" for end in PLACES)
         needed = self._block(_needed(before, {queue.run.inputs[i] for i in _kept(queue, straight.covered)}), depth)
+        bits = " | ".join(f"({first} & {last}) << {h}" for h, (first, last) in enumerate(held))
         return [
             f"int64_t {index}_at = {since};",
             f"for (; {index}_at + {SIDE} <= {until}; {index}_at += {SIDE}) {{",
@@ -262,12 +321,17 @@ class IterationPrinter(StepPrinter):
             f"for (int64_t {index} = {index}_at; {index} < {until}; {index}++) {{",
             *indent(*needed, *self._pushed_plain(queue, straight.covered, "if (teg_stopped(pace)) break;")),
             "}",
-            f"for (int64_t {index} = {start}; {index} < {stop}; {index}++) {{",
+            "for (int side = 0; side < 2; side++) {",
             *indent(
-                f"if ({index} == {since}) {index} = {until};",
-                f"if ({index} >= {stop} || teg_stopped(pace)) break;",
-                *self._block(before, depth),
-                *self._pushed(queue),
+                f"const int64_t first = side ? {until} : {start}, last = side ? {stop} : {since};",
+                *([f"const int every = side ? {index}_{LINES[1]} : {index}_{LINES[0]};"] if held else []),
+                f"for (int64_t {index} = first; {index} < last; {index}++) {{",
+                *indent(
+                    *self._block(before, depth),
+                    *(["int line = every;", f"if (!line) line = line_of_{queue.name}[{bits}];"] if held else ["const int line = 0;"]),
+                    *self._pushed(queue, "if (teg_stopped(pace)) break;"),
+                ),
+                "}",
             ),
             "}",
         ]
@@ -280,8 +344,9 @@ class IterationPrinter(StepPrinter):
         copied = f"for (int j = 0; j < {count}; j++) {array}[j] = f[{SIDE} * j + k];"
         if queue := self.queues.get(id(run)):
             if not queue.after:
-                return self._pushed(queue)
-            waits = ["if (!fast[k]) {", *indent(*self._pushed(queue), "continue;"), "}"]
+                line = f"line_of_{queue.name}[held[k]]" if self._apart(queue) else "0"
+                return [f"const int line = {line};", *self._pushed(queue)]
+            waits = ["if (!fast[k]) {", *indent("const int line = 0;", *self._pushed(queue), "continue;"), "}"]
             return [*waits, declaration, *([copied] if straight.line else [])]
         declaration, *call = self._run(run)
         ways = [f"if (!live[k]) teg_fill({array}, {count}, 0.0);", "else {"] if adding else ["{"]
@@ -289,28 +354,29 @@ class IterationPrinter(StepPrinter):
             ways[-1:] = [f"{ways[-1][:-1]}if (fast[k]) {copied}", "else {"]
         return [declaration, *ways, *indent(*call), "}"]
 
-    def _pushed(self, queue: Queue) -> list[str]:
-        """Returns lines by which an iteration joins its queue."""
+    def _pushed(self, queue: Queue, *more: str) -> list[str]:
+        """Returns lines by which an iteration joins what waits for `line`, one of the lines of a queue."""
         name = queue.name
         return [
-            *packed(f"queue_{name}[{m}][waiting_{name}] = {queue.run.inputs[i]};" for m, i in enumerate(queue.varying)),
-            *packed(f"place_{name}[{m}][waiting_{name}] = {index};" for m, index in enumerate(queue.indices)),
-            f"if (++waiting_{name} == {SIDE}) {{",
-            *indent(*self._flushed(queue)),
+            f"const int at = waiting_{name}[line]++;",
+            *packed(f"queue_{name}[line][{m}][at] = {queue.run.inputs[i]};" for m, i in enumerate(queue.varying)),
+            *packed(f"place_{name}[{m}][at] = {index};" for m, index in enumerate(queue.indices)),
+            f"if (at == {SIDE - 1}) {{",
+            *indent(*self._flushed(queue, "line"), *more),
             "}",
         ]
 
     def _covered_at_once(self, queue: Queue, covered: Staged, index: str, needed: Sequence[str]) -> list[str]:
         """Returns lines that compute and add up SIDE iterations with a simple value, from {index}_at on."""
         kept, inputs = _kept(queue, covered), queue.run.inputs
-        given = [f"c{i}" if i in kept else spelled(inputs[i]) for i in covered.inputs]
+        given = [f"c{i}" if i in kept else spelled(inputs[i]) for i in covered.lines[0].inputs]
         return [
             "if (teg_stopped(pace)) break;",
             *packed([f"c{i}[{SIDE}]" for i in kept], "double ", ", ", ";"),
             f"for (int k = 0; k < {SIDE}; k++) {{",
             *indent(f"const int64_t {index} = {index}_at + k;", *needed, *packed(f"c{i}[k] = {inputs[i]};" for i in kept)),
             "}",
-            f"{covered.name}({', '.join([*given, f'alike_{queue.name}', f'lanes_{queue.name}', str(SIDE)])});",
+            f"{covered.lines[0].name}({', '.join([*given, f'alike_{queue.name}', f'lanes_{queue.name}', str(SIDE)])});",
         ]
 
     def _pushed_plain(self, queue: Queue, covered: Staged, *more: str) -> list[str]:
@@ -346,12 +412,13 @@ def counted(loop: Loop) -> set[str]:
 
 def _kept(queue: Queue, staged: Staged) -> list[int]:
     """Returns the inputs of a function that differ between the points of a queue."""
-    return [i for i in queue.varying if i in staged.inputs]
+    return [i for i in queue.varying if i in staged.lines[0].inputs]
 
 
-def _narrowed(step: Loop, run: Run, straight: Straight, lo: str, hi: str) -> tuple[list[str], str, str]:
+def _narrowed(step: Loop, run: Run, straight: Straight, lo: str, hi: str, apart: int = 0) -> tuple[list[str], str, str]:
     """Returns lines that leave out iterations at both ends that have no result but 0, and the range that is left. If iterations that are
-    covered are computed apart, theirs is {index}_since … {index}_until: a part of the other one, or nothing, at its end."""
+    covered are computed apart, theirs is {index}_since … {index}_until: a part of the other one, or nothing, at its end. Half-planes that
+    are told apart hold in {index}_holds_0 … {index}_fails_0 and so on."""
     narrow = straight.narrow
     assert narrow is not None
     numbers = counted(step)
@@ -366,7 +433,7 @@ def _narrowed(step: Loop, run: Run, straight: Straight, lo: str, hi: str) -> tup
     evaluated = [
         f"double {heights}[2][{narrow.heights + narrow.covers}];",
         f"const int {told} = {call(0, start)} | {call(1, f'{stop} - 1')};",
-        *([] if narrow.decides else [f"if (!({told} & 1))"]),
+        *([] if narrow.known.decides else [f"if (!({told} & 1))"]),
         f"teg_narrow({narrow.heights}, {heights}[0], {heights}[1], &{start}, &{stop});",
     ]
     if straight.spanned:
@@ -377,6 +444,11 @@ def _narrowed(step: Loop, run: Run, straight: Straight, lo: str, hi: str) -> tup
             f"if ({told} & 2) {until} = {since};",
             f"else teg_cover({narrow.covers}, {behind}, &{since}, &{until});",
         ]
+        for h in range(apart):
+            first, last = (f"{step.index}_{end}_{h}" for end in HELD)
+            lines.append(f"int64_t {first} = {start}, {last} = {stop};")
+            place = narrow.heights + narrow.known.planes[h]
+            evaluated.insert(2, f"teg_cover(1, {heights}[0] + {place}, {heights}[1] + {place}, &{first}, &{last});")
         evaluated += [
             f"if ({since} < {start}) {since} = {start};",
             f"if ({until} > {stop}) {until} = {stop};",

@@ -62,7 +62,7 @@ LARGEST = 1.7976931348623157e308
 class Packed:
     """Branch-free approximation of a program. `settling` computes `live`; where it is False all outputs are 0. `deciding` computes `fast`;
     where it is True `straight` gives the `outputs`. A constant `live` of True, or `fast` of False, means that nothing is known. A
-    straight line that is `wide` has functions and choices."""
+    straight line that is `wide` has functions and choices. Each of `planes` is positive where a half-plane holds on all of its box."""
 
     live: Arg
     fast: Arg
@@ -71,6 +71,7 @@ class Packed:
     straight: tuple[Stmt, ...]
     outputs: tuple[Arg, ...]
     wide: bool = False
+    planes: tuple[Arg, ...] = ()
 
 
 def decisive_branch(program: Program) -> When | None:
@@ -102,7 +103,8 @@ def packed(program: Program) -> Packed | None:
         fast, both, deciding = False, False, []
     if live is True and not fast:
         return None
-    return Packed(live, both, tuple(settling), tuple(deciding), tuple(straight) if fast else (), outputs, wide)
+    planes = line.planes[0] if fast and line.planes else ()
+    return Packed(live, both, tuple(settling), tuple(deciding), tuple(straight) if fast else (), outputs, wide, planes)
 
 
 def _settled(program: Program, branch: When | None, line: _Line) -> tuple[Arg, list[Assign]]:
@@ -178,6 +180,7 @@ class _Line:
         self.settles = settles
         self.steps: list[Stmt] = []
         self.conditions: list[Arg] = []
+        self.planes: list[tuple[Arg, ...]] = []  # of each polygon, the least values of its half-planes
         self.known: dict[Arg, Arg] = {}  # results of what is not run, and of choices that are settled
         self.unmet: set[Arg] = set()  # conditions of what is not run
         self._numbers = unused_numbers(n for s in statements(program.body) for n in assigned(s))
@@ -264,6 +267,7 @@ class _Line:
         """The whole box, inside of every half-plane. (A triangle around it is not thin: no half-plane changes by more than `across`.) A
         node's barycentric coordinates are values like others there."""
         sizes: list[Arg] = [self.assign("v", "abs", stmt.width), self.assign("v", "abs", stmt.height)]
+        planes: list[Arg] = []
         for g in stmt.half_planes:
             steps = [self.assign("v", "mul", g.a, stmt.width), self.assign("v", "mul", g.b, stmt.height)]
             changes: list[Arg] = [self.assign("v", "abs", step) for step in steps]
@@ -271,6 +275,8 @@ class _Line:
             least = self.assign("v", "add", g.c, self.assign("v", "mul", 0.5, most_below))
             self.conditions.append(self.assign("b", "gt0", least))
             sizes += [least, *changes]
+            planes.append(least)
+        self.planes.append(tuple(planes))
         if stmt.corners:
             self.conditions.append(self.assign("b", "gt0", stmt.across))
             sizes.append(stmt.across)
@@ -428,24 +434,24 @@ def _framed(
     return Frame([], blocks, own, False, known, Spelling(whole=range(len(blocks)), lanes=lanes, truth=truth))
 
 
-def decision(found: Packed, varying: Container[int]) -> list[str]:
+def decision(found: Packed, varying: Container[int], apart: bool = False) -> list[str]:
     """Returns the inside of the C function that tells of eight points which are `live` and which `fast`; it returns 0 if none is live, else
-    1, plus 2 if one is fast."""
+    1, plus 2 if one is fast. If half-planes are told `apart`, those that hold on a point's box are the bits of `held`."""
 
-    def loop(array: str, arg: Arg, needed: Sequence[Assign], further: str = "") -> list[str]:
+    def loop(array: str, arg: Arg, needed: Sequence[Assign], writing: str, more: Sequence[tuple[Arg, str]] = ()) -> list[str]:
         return [
-            *_each_point(needed, [arg], [f"{array}[k]"], varying, further),
+            *_each_point(needed, [arg, *(a for a, _ in more)], [writing, *(text for _, text in more)], varying),
             f"for (int k = 0; k < {SIDE}; k++) some |= {array}[k];",
         ]
 
-    lines = ["int64_t some = 0;", *loop("live", found.live, found.settling), "if (!some) return 0;", "some = 0;"]
-    return [*lines, *loop("fast", found.fast, found.deciding, "live[k] & "), "return 1 | (int)some << 1;"]
+    held = [(least, f"held[k] {'|' if h else ''}= {{}} > 0.0 ? {1 << h} : 0;") for h, least in enumerate(found.planes if apart else ())]
+    lines = ["int64_t some = 0;", *loop("live", found.live, found.settling, "live[k] = {};"), "if (!some) return 0;", "some = 0;"]
+    lines += loop("fast", found.fast, found.deciding, "fast[k] = live[k] & {};", held)
+    return [*lines, "return 1 | (int)some << 1;"]
 
 
-def _each_point(
-    needed: Sequence[Stmt], wanted: Sequence[Arg], places: Sequence[str], varying: Container[int], further: str = ""
-) -> list[str]:
-    """Returns a loop over eight points, numbered k, that computes the wanted values and writes them, behind `further`, to their places."""
+def _each_point(needed: Sequence[Stmt], wanted: Sequence[Arg], writing: Sequence[str], varying: Container[int]) -> list[str]:
+    """Returns a loop over eight points, numbered k, that computes the wanted values and writes them, each in the place of {}."""
     steps = _steps(replace(s, op=BRANCHLESS.get(s.op, s.op)) for s in needed if isinstance(s, Assign))
     for step in steps:
         if step.assign is not None and step.assign.op in SELECTIONS:
@@ -453,7 +459,7 @@ def _each_point(
     frame = _framed([steps], wanted, truth=TRUTH)
     there = [f"const double p{i} = q{i}[k];" for i in _inputs(needed, wanted) if i in varying]
     block, scope = frame.block(0), frame.scope()
-    written = [f"{place} = {further}{scope(arg)};" for place, arg in zip(places, wanted, strict=True)]
+    written = [text.format(scope(arg)) for text, arg in zip(writing, wanted, strict=True)]
     return [f"for ({TRUTH} k = 0; k < {SIDE}; k++) {{", *indent(*in_few_lines(there), *block, *written), "}"]
 
 
@@ -468,7 +474,7 @@ def straight(found: Packed, varying: Container[int], apart: int) -> list[str]:
         moving = values_in_lanes(found.straight, {f"p{i}" for i in _inputs(found.straight, found.outputs) if i in varying})
         simple = [s for s in found.straight if isinstance(s, Assign)]
         steps = [replace(s, op="teg_pick") if _is_shared_choice(s, moving) else s for s in simple]
-        return _each_point(steps, found.outputs, [f"f[{apart * j} + k]" for j in range(len(found.outputs))], varying)
+        return _each_point(steps, found.outputs, [f"f[{apart * j} + k] = {{}};" for j in range(len(found.outputs))], varying)
     blocks: list[list[Step]] = [[]]
     own: list[Arg] = list(found.outputs)
     boxes: list[Polygon] = []

@@ -3,6 +3,9 @@
     push     an iteration writes the inputs of its flat program, and its indices, into the queue
     flush    the queue is computed by the line of points that surfaces cross; those that are not good by the program as it is
 
+Most points are crossed by one half-plane's border only. They wait in queues of their own, one for each half-plane, because their line is
+half as long. What it assumes it checks, so that which queue a point waits in may be decided roughly.
+
 A queue belongs to the innermost loop whose flat program has such a line, and lives as long as one run of its *carrier*: the outermost loop
 around it through which the results are only added up. Sums of the carrier take what the iterations give, whenever that is: each place
 side by side has sums of its own, *lanes*, which are added up at the end, with those of iterations that need not wait.
@@ -54,12 +57,20 @@ class Queue:
         """Returns which results of the flat program are added to the sums."""
         return [self.run.results.index(str(v)) for _, v in self.sums]
 
-    def opened(self) -> list[str]:
-        """Returns the declaration of the queue."""
-        name = self.name
+    def opened(self, apart: int) -> list[str]:
+        """Returns the declaration of the queue, and of one for each of the half-planes that are told `apart`."""
+        name, n = self.name, 1 + apart
         places = [f"int64_t place_{name}[{len(self.indices)}][{SIDE}];"] if self.indices else []
         lanes = [f"double lanes_{name}[{len(self.sums)}][{SIDE}] = {{{{0.0}}}};"] if self.sums else []
-        return [f"double queue_{name}[{max(1, len(self.varying))}][{SIDE}];", *places, f"int waiting_{name} = 0;", *lanes]
+        lines = [1 + h if held == (1 << apart) - 1 - (1 << h) else 0 for held in range(1 << apart) for h in [_missing(held, apart)]]
+        table = [f"static const unsigned char line_of_{name}[{len(lines)}] = {{{', '.join(map(str, lines))}}};"] if apart else []
+        return [
+            f"double queue_{name}[{n}][{max(1, len(self.varying))}][{SIDE}];",
+            *places,
+            f"int waiting_{name}[{n}] = {{0}};",
+            *lanes,
+            *table,
+        ]
 
     def into_lanes(self, value: str) -> list[str]:
         """Returns a loop that adds results of iterations side by side to the sums; `value` is one of them in C, {at} + k its place."""
@@ -74,6 +85,11 @@ class Queue:
     def closed(self) -> list[str]:
         """Returns lines that add up the lanes."""
         return [f"for (int k = 0; k < {SIDE}; k++) {total} += lanes_{self.name}[{m}][k];" for m, (total, _) in enumerate(self.sums)]
+
+
+def _missing(bits: int, count: int) -> int:
+    """Returns the first of some bits that is 0; 0 if none is."""
+    return next((h for h in range(count) if not bits >> h & 1), 0)
 
 
 def queue_of(found: Summed) -> Queue | None:

@@ -32,13 +32,15 @@ from teg.program.names import is_number, is_parameter, parameter_numbers, unused
 class Narrowing:
     """Numbers that are not negative in an iteration that is live, unless one of some conditions holds, which are the same for all of them;
     `exact` if an iteration in which none is negative is live. Numbers `covers` that all are positive in iterations on the straight line,
-    provided that some conditions hold; no number if that is not known. And the statements that compute all of them."""
+    provided that some conditions hold; no number if that is not known. `planes` has the places among these of the numbers that are positive
+    where a half-plane holds; none if one is not there. And the statements that compute all of them."""
 
     heights: tuple[str, ...]
     unless: tuple[str, ...]
     exact: bool
     covers: tuple[str, ...]
     provided: tuple[str, ...]
+    planes: tuple[int, ...]
     body: tuple[Assign, ...]
 
     @property
@@ -92,7 +94,9 @@ def narrowing(found: Packed, indices: Collection[Arg], varying: Collection[Arg])
     statements = list({s.name: s for s in (*found.settling, *found.deciding)}.values())
     covers, provided = _covering(found, required, statements, bends)
     body = without_dead_code(Program((), tuple(statements), (*heights, *unless, *covers, *provided))).body
-    return Narrowing(heights, unless, required.exact, covers, provided, tuple(s for s in body if isinstance(s, Assign)))
+    planes = tuple(covers.index(g) for g in found.planes if isinstance(g, str) and g in covers)
+    planes = planes if len(planes) == len(found.planes) else ()
+    return Narrowing(heights, unless, required.exact, covers, provided, planes, tuple(s for s in body if isinstance(s, Assign)))
 
 
 def _bend(s: Assign, bends: dict[Arg, _Bend]) -> _Bend:

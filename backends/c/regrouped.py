@@ -2,20 +2,25 @@
 
 regrouped(line, varying)  ->  the line, in which
 
-conjunctions and disjunctions    that of the operands which are the same at all points is one condition
+conjunctions and disjunctions    that of the operands which are the same at all points is one condition, and so is that of the operands
+                                 that are known before the same sums over nodes
 a maximum that is positive       is a disjunction
 bounds that a condition drops    c ? max(a, b) : a, with the same c at all points, is max(a, b + d), d = 0 or far below: no selection
+
+alike(lines, varying)     ->  the lines, in which what is the same at all points has one name, whichever line computes it
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Container, Iterable
+from collections.abc import Container, Iterable, Sequence
+from dataclasses import replace
+from itertools import count
 
 from teg.backends.c.crossed import Crossed, Item, Nodes, defines, needed, reads
 from teg.backends.c.crossing import LARGEST
 from teg.program import Arg, Assign
-from teg.program.names import is_parameter, parameter_number, unused_numbers
+from teg.program.names import is_parameter, of_kind, parameter_number, unused_numbers
 
 GROUPED = ("and", "or")
 FAR = {"upper": -LARGEST, "lower": LARGEST}
@@ -41,6 +46,7 @@ class _Regrouped:
         inputs = {str(a) for item in found.items for a in reads(item) if is_parameter(a)}
         self._differing: set[Arg] = {a for a in inputs if parameter_number(a) in varying}
         self._uses = Counter(a for item in found.items for a in reads(item))
+        self._after: dict[Arg, int] = {}  # how many sums over nodes come before a value
 
     def append(self, item: Item) -> None:
         """Appends what computes the values of an item."""
@@ -55,6 +61,8 @@ class _Regrouped:
 
     def _put(self, item: Item) -> None:
         self.items.append(item)
+        after = max((self._after.get(a, 0) for a in reads(item)), default=0) + isinstance(item, Nodes)
+        self._after.update(dict.fromkeys(defines(item), after))
         if isinstance(item, Nodes) or not self._differing.isdisjoint(reads(item)):
             self._differing.update(defines(item))
         if isinstance(item, Assign):
@@ -74,13 +82,16 @@ class _Regrouped:
     def _group(self, item: Assign) -> None:
         """Appends a conjunction or disjunction."""
         operands = list(dict.fromkeys(self._operands(item.args, item.op)))
-        same = [a for a in operands if a not in self._differing]
-        differing = [a for a in operands if a in self._differing]
-        if len(same) > 1 and differing:
-            name = self._name("b")
-            self._put(Assign(name, item.op, tuple(same)))
-            same = [name]
-        self._put(Assign(item.name, item.op, (*same, *differing)))
+        stages: dict[int, list[Arg]] = {}
+        for a in operands:
+            stages.setdefault(self._after.get(a, 0) if a in self._differing else -1, []).append(a)
+        groups = [stages[number] for number in sorted(stages)]
+        for group in groups[:-1]:
+            if len(group) > 1:
+                name = self._name("b")
+                self._put(Assign(name, item.op, tuple(group)))
+                group[:] = [name]
+        self._put(Assign(item.name, item.op, tuple(a for group in groups for a in group)))
 
     def _sides(self, item: Assign) -> Assign | None:
         """Returns whether a maximum is positive as a disjunction; None of another condition."""
@@ -104,3 +115,45 @@ class _Regrouped:
             self._put(Assign(moved, "add", (bound.args[1], by)))
             return Assign(item.name, bound.op, (cases[other], moved))
         return item
+
+
+def alike(lines: Sequence[Crossed], varying: Container[int]) -> list[Crossed]:
+    """Returns equivalent straight lines: values that are the same at all points have equal names if they are computed alike, and no name
+    has two values. Inputs in `varying` differ between points."""
+    fresh = unused_numbers(n for line in lines for item in line.items for n in defines(item))
+    known: dict[tuple[str, str], str] = {}
+    return [_renamed(line, varying, known, fresh) for line in lines]
+
+
+def _renamed(line: Crossed, varying: Container[int], known: dict[tuple[str, str], str], fresh: count[int]) -> Crossed:
+    """Returns a line in which what is the same at all points has its known name, or a fresh one."""
+    inputs = {str(a) for item in line.items for a in reads(item) if is_parameter(a)}
+    differing: set[Arg] = {a for a in inputs if parameter_number(a) in varying}
+    names: dict[Arg, str] = {}
+    made: set[str] = set()
+    items: list[Item] = []
+
+    def of(args: Iterable[Arg]) -> tuple[Arg, ...]:
+        return tuple(names.get(a, a) for a in args)
+
+    def renamed(s: Assign) -> Assign:
+        return replace(s, args=of(s.args))
+
+    for item in line.items:
+        if isinstance(item, Nodes):
+            differing.update(item.sums)
+            body = tuple(map(renamed, item.body))
+            items.append(replace(item, weights=of(item.weights), body=body, values=of(item.values)))
+        elif not differing.isdisjoint(item.args):
+            differing.add(item.name)
+            items.append(renamed(item))
+        else:
+            key = item.op, repr(of(item.args))
+            if key not in known:
+                known[key] = of_kind(item.name, next(fresh))
+            names[item.name] = known[key]
+            if known[key] not in made:
+                made.add(known[key])
+                items.append(Assign(known[key], item.op, of(item.args)))
+    (good,) = of([line.good])
+    return Crossed(tuple(items), of(line.outputs), good)

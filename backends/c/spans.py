@@ -21,6 +21,10 @@ from teg.program.fields import result_names
 
 PLACES = ("start", "stop", "since", "until")
 """The ends of the live iterations of a row, and of the covered ones among these."""
+LINES = ("before", "behind")
+"""The lines of live iterations on both sides of the covered ones, if all of them cross one half-plane's border: its number from 1 on."""
+HELD = ("holds", "fails")
+"""The ends of the iterations of a row in which a half-plane holds."""
 
 
 class Rows(NamedTuple):
@@ -44,15 +48,16 @@ def rows_of(loop: Loop, idle: Container[int]) -> Rows | None:
     return Rows(tuple(body[:-1]), row) if simple else None
 
 
-def function(narrow: str, known: Narrowing, indices: Container[int], varying: Container[int]) -> str:
+def function(narrow: str, known: Narrowing, indices: Container[int], varying: Container[int], apart: bool) -> str:
     """Returns the C function @ of eight rows, which calls the function `narrow` of one iteration: inputs in `indices` are the number of the
-    iteration, those in `varying` differ between rows."""
+    iteration, those in `varying` differ between rows. If half-planes are told `apart`, it writes LINES and HELD of each one, too."""
 
     def call(iteration: str, array: str) -> str:
         values = [iteration if i in indices else f"q{i}[k]" if i in varying else f"p{i}" for i in known.inputs]
         return f"{narrow}({', '.join([*values, array])})"
 
     heights, count = len(known.heights), len(known.heights) + len(known.covers)
+    planes = {heights + m: h for h, m in enumerate(known.planes)} if apart else {}
     inside = [
         f"double first[{count}], last[{count}];",
         "const double steps = length[k] - 1.0;",
@@ -78,16 +83,38 @@ def function(narrow: str, known: Narrowing, indices: Container[int], varying: Co
                 f"until = ({h} > 0.0) | !(place - near < until) ? until : place - near;",
                 f"until = (({g} > 0.0) & ({h} > 0.0) & (fall - fall == 0.0)) | (known & (({g} > 0.0) | ({h} > 0.0))) ? until : -1.0;",
             ]
+        if m in planes:
+            holds, fails = (f"{end}_{planes[m]}" for end in HELD)
+            inside += [
+                f"const double {holds} = {g} > 0.0 ? 0.0 : known & ({h} > 0.0) ? floor(place) + 1.0 : steps + 1.0;",
+                f"const double {fails} = {h} > 0.0 ? steps + 1.0 : known & ({g} > 0.0) ? ceil(place) : 0.0;",
+            ]
     inside += [
         "start = ceil(start), stop = floor(stop) + 1.0, since = floor(since) + 1.0, until = ceil(until);",
         "since = since > start ? since : start, until = until < stop ? until : stop;",
         "start = start < stop ? start : stop;",
         "spans[0][k] = start, spans[1][k] = stop;",
-        "spans[2][k] = since < until ? since : stop, spans[3][k] = since < until ? until : stop;",
+        "known = since < until;",
+        "since = known ? since : stop, until = known ? until : stop;",
+        "spans[2][k] = since, spans[3][k] = until;",
+        *_told_apart(len(planes)),
     ]
     inputs = [i for i in known.inputs if i not in indices]
     given = signature(inputs, varying, "const double *lo", "const double *length", f"double (*restrict spans)[{SIDE}]")
     return wrapped([f"TEG_APART void @({given})", "{", *indent(f"for ({TRUTH} k = 0; k < {SIDE}; k++) {{", *indent(*inside), "}"), "}"])
+
+
+def _told_apart(count: int) -> list[str]:
+    """Returns lines that write the lines of iterations beside the covered ones, and the ends of those in which each half-plane holds."""
+    lines: list[str] = ["double alone, crossing;"] if count else []
+    for place, (first, last) in enumerate([("start", "since"), ("until", "stop")] if count else []):
+        lines.append("alone = 0.0, crossing = 0.0;")
+        for h in range(count):
+            held = f"(holds_{h} <= {first}) & (fails_{h} >= {last})"
+            lines.append(f"alone = {held} ? alone : {h + 1}.0, crossing += {held} ? 0.0 : 1.0;")
+        lines.append(f"spans[{len(PLACES) + place}][k] = crossing == 1.0 ? alone : 0.0;")
+    ends = [f"{end}_{h}" for h in range(count) for end in HELD]
+    return [*lines, *(f"spans[{len(PLACES) + len(LINES) + m}][k] = {end};" for m, end in enumerate(ends))]
 
 
 def prefetched(row: Loop, run: Run) -> list[str]:

@@ -2,12 +2,12 @@
 
 Stages. A sum over nodes is a loop of its own, so the straight line is cut before and after the sums; each stage is a loop over the points,
 which the C compiler vectorises, and values that a later stage reads lie in arrays. Values that are the same for all points are computed
-by a function of their own, once for all that wait in one queue.
+by a function of their own, once for all that wait in queues: several straight lines of a program share it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Container, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import count
 from typing import NamedTuple
@@ -15,11 +15,11 @@ from typing import NamedTuple
 from teg.backends.c.crossed import BRANCHLESS, SIDE, TOGETHER, Crossed, Item, Nodes, defines, reads
 from teg.backends.c.frame import Frame, Scope, Spelling, Step, assignments
 from teg.backends.c.lanes import SELECTIONS
-from teg.backends.c.regrouped import regrouped
+from teg.backends.c.regrouped import alike, regrouped
 from teg.backends.c.text import TRUTH, indent, literal
 from teg.backends.c.text import packed as in_few_lines
 from teg.program import Arg, Assign
-from teg.program.names import is_number, parameter_numbers
+from teg.program.names import is_condition, is_number, is_parameter, parameter_numbers
 
 
 def inputs_of(found: Crossed) -> list[int]:
@@ -28,19 +28,26 @@ def inputs_of(found: Crossed) -> list[int]:
     return parameter_numbers(used)
 
 
-class Functions(NamedTuple):
-    """The insides of two C functions, with the numbers of the inputs that each reads. `steady` writes what is the same at all points to
-    an array s of `kept` numbers; `line` computes eight points with it. Inputs that vary are arrays q."""
+class Inside(NamedTuple):
+    """The inside of a C function, and the numbers of the inputs that it reads."""
 
-    steady: list[str]
-    steady_by: list[int]
+    text: list[str]
+    inputs: list[int]
+
+
+class Functions(NamedTuple):
+    """The insides of C functions. `steady` writes what is the same at all points to an array s of `kept` numbers, inputs among it; each of
+    `lines` computes eight points with it. Its inputs are those that vary, arrays q."""
+
+    steady: Inside
     kept: int
-    line: list[str]
-    line_by: list[int]
+    lines: list[Inside]
 
 
 Written = Callable[[Scope], list[str]]
 """The lines that write the outputs of point k."""
+Writing = Callable[[Crossed], Written]
+"""How the outputs of a straight line are written."""
 
 
 def results(found: Crossed) -> Written:
@@ -66,47 +73,62 @@ def totals(found: Crossed, sums: Sequence[int]) -> Written:
     return lines
 
 
-def functions(found: Crossed, varying: Container[int], written: Written) -> Functions:
-    """Returns the functions of a straight line. Inputs in `varying` differ between points."""
-    found = regrouped(found, varying)
-    inputs = inputs_of(found)
-    places: dict[str, str] = {f"p{i}": f"q{i}[k]" if i in varying else f"p{i}" for i in inputs}
-    lanes: set[Arg] = {f"p{i}" for i in inputs if i in varying}
-    stages = _Stages(found, places, lanes)
-    steady, kept = stages.steady()
-    read = {a for i in stages.without(stages.constant) for a in reads(i)}.union(found.outputs, (found.good,))
-    of_constant = {a for s in stages.constant for a in s.args}
-    used = [[i for i in inputs if f"p{i}" in some] for some in (of_constant, read)]
-    return Functions(steady, used[0], kept, list(stages.lines(written)), used[1])
+def functions(lines: Sequence[Crossed], varying: Container[int], writing: Writing) -> Functions:
+    """Returns the functions of straight lines of one program. Inputs in `varying` differ between points."""
+    lines = alike([regrouped(line, varying) for line in lines], varying)
+    stages = [_Stages(line, varying) for line in lines]
+    constant = list({s.name: s for stage in stages for s in stage.constant}.values())
+    wanted = set[Arg]().union(*(stage.moving for stage in stages))
+    same = [f"p{i}" for i in parameter_numbers(wanted) if i not in varying]
+    steady, places, kept = _steady(constant, [*same, *(s.name for s in constant if s.name in wanted)])
+    made = [
+        Inside(list(stage.lines(writing(stage.found), places)), [i for i in parameter_numbers(stage.moving) if i in varying])
+        for stage in stages
+    ]
+    return Functions(Inside(steady, parameter_numbers([*same, *(a for s in constant for a in s.args)])), kept, made)
+
+
+def _steady(constant: Sequence[Assign], given: Sequence[str]) -> tuple[list[str], dict[str, str], int]:
+    """Returns the lines that write given values to an array, where each stands there, and how many numbers that is. Conditions stand there
+    once for each point: C compilers make a mask of one by a dozen operations."""
+    numbers, conditions = ([name for name in given if is_condition(name) is of] for of in (False, True))
+    inputs = {str(a): str(a) for a in (*given, *(a for s in constant for a in s.args)) if is_parameter(a)}
+    made = [name for name in given if not is_parameter(name)]
+    frame = _framed(_steps(_late(constant, made)), given, inputs)
+    lines, scope = frame.block(0), frame.scope()
+    lines += in_few_lines(f"s[{i}] = {scope(name)};" for i, name in enumerate(numbers))
+    places = {name: f"s[{i}]" for i, name in enumerate(numbers)}
+    for i, name in enumerate(conditions):
+        at = len(numbers) + SIDE * i
+        lines.append(f"for (int k = 0; k < {SIDE}; k++) s[{at} + k] = {scope(name)};")
+        places[name] = f"(s[{at} + k] != 0.0)"
+    return lines, places, len(numbers) + SIDE * len(conditions)
 
 
 class _Stages:
     """The stages of a straight line in C: `places` says how a value is spelled that an earlier stage has."""
 
-    def __init__(self, found: Crossed, places: dict[str, str], lanes: set[Arg]) -> None:
-        self.found, self.places, self.lanes = found, places, lanes
+    def __init__(self, found: Crossed, varying: Container[int]) -> None:
+        self.found = found
+        inputs = inputs_of(found)
+        self.places: dict[str, str] = {f"p{i}": f"q{i}[k]" if i in varying else f"p{i}" for i in inputs}
+        self.lanes: set[Arg] = {f"p{i}" for i in inputs if i in varying}
         self.stage: dict[Arg, int] = {}
         self.last = 0
         for item in found.items:
             number = max((self.stage.get(a, 0) for a in reads(item)), default=0) + isinstance(item, Nodes)
             self.stage.update(dict.fromkeys(defines(item), number))
             self.last = max(self.last, number)
-            if isinstance(item, Nodes) or not lanes.isdisjoint(reads(item)):
-                lanes.update(defines(item))
-        self.constant = [i for i in found.items if isinstance(i, Assign) and i.name not in lanes]
+            if isinstance(item, Nodes) or not self.lanes.isdisjoint(reads(item)):
+                self.lanes.update(defines(item))
+        self.constant = [i for i in found.items if isinstance(i, Assign) and i.name not in self.lanes]
+        self.moving = self._read_by(self.without(self.constant))
         self._arrays = count()
         self._count = [0]
 
-    def steady(self) -> tuple[list[str], int]:
-        """Returns the lines that write what is the same at all points to an array, and how many numbers that is."""
-        frame, given = self._frame(self.constant, self._read_by(self.without(self.constant)))
-        lines, scope = frame.block(0), frame.scope()
-        lines += in_few_lines(f"s[{i}] = {scope(name)};" for i, name in enumerate(given))
-        self.places.update((name, f"s[{i}]" if is_number(name) else f"(s[{i}] != 0.0)") for i, name in enumerate(given))
-        return lines, len(given)
-
-    def lines(self, written: Written) -> Iterator[str]:
-        """Yields the lines of eight points, after `steady`."""
+    def lines(self, written: Written, steady: Mapping[str, str]) -> Iterator[str]:
+        """Yields the lines of eight points; `steady` says how what is the same at all points is spelled."""
+        self.places.update(steady)
         assigns = [i for i in self.found.items if isinstance(i, Assign)]
         for number in range(self.last + 1):
             here = [s for s in assigns if s.name in self.lanes and self.stage[s.name] == number]
@@ -131,7 +153,7 @@ class _Stages:
         return self._framed(_steps(block), given, self.places), given
 
     def _framed(self, steps: list[Step], own: Sequence[Arg], places: dict[str, str]) -> Frame:
-        frame = Frame([], [steps], own, False, dict(places), Spelling(whole=(0,), truth=TRUTH))
+        frame = _framed(steps, own, places)
         frame.count = self._count  # names differ in all stages
         return frame
 
@@ -205,6 +227,11 @@ class _Stages:
 
     def _spelled(self, arg: Arg) -> str:
         return self.places[arg] if isinstance(arg, str) else literal(float(arg))
+
+
+def _framed(steps: list[Step], own: Sequence[Arg], places: dict[str, str]) -> Frame:
+    """Returns a block in which names of `places` are spelled so."""
+    return Frame([], [steps], own, False, dict(places), Spelling(whole=(0,), truth=TRUTH))
 
 
 def _late(block: Sequence[Assign], wanted: Iterable[str]) -> list[Assign]:

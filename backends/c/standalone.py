@@ -38,7 +38,9 @@ _MATHEMATICS = """
 MATHEMATICS = frozenset(_MATHEMATICS.split())
 """Those of <math.h>, which have suffixes f and l too."""
 
-_KINDS = "run|rest|integral|roots|places|sum|mean|polygon|segment|hyperbola|ellipse|branch|decision|straight|crossed|covered|steady|narrow"
+_KINDS = (
+    "run|rest|integral|roots|places|sum|mean|polygon|segment|hyperbola|ellipse|branch|decision|straight|crossed|alone|covered|steady|narrow"
+)
 ROUTINES = re.compile(rf"element(_part_\d+)?|({_KINDS})_\d.*")
 """What the functions in the generated text are called, whether this one has them or not."""
 

@@ -7,9 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Collection, Container, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import NamedTuple, Protocol
 
-from teg.backends.c.crossed import Crossed, crossed
+from teg.backends.c.crossed import Crossed, crossed, lines_apart
 from teg.backends.c.frame import Routine
 from teg.backends.c.lanes import SIDE, Packed, decision, packed, signature, straight, used_inputs
 from teg.backends.c.ranges import Narrowing, function, narrowing
@@ -18,26 +19,44 @@ from teg.backends.c.text import TRUTH, indent, wrapped
 from teg.program import Assign, Program
 
 
-class Staged(NamedTuple):
-    """The C function of eight points in a queue, and that of the `kept` numbers which all points in it share, each with its inputs."""
+class Eight(NamedTuple):
+    """A C function of eight points, and its inputs."""
 
     name: str
     inputs: Sequence[int]
-    steady: str
-    steady_inputs: Sequence[int]
+
+
+class Staged(NamedTuple):
+    """C functions of eight points in a queue: one for all of them, and for each half-plane one for points that it alone crosses, or none.
+    `steady` is the function of the `kept` numbers which all points share."""
+
+    lines: Sequence[Eight]
+    steady: Eight
     kept: int
+
+    @property
+    def apart(self) -> int:
+        """Returns how many half-planes have a function of their own."""
+        return len(self.lines) - 1
 
 
 class Narrow(NamedTuple):
-    """The C function of one point's `heights`, which are not negative where the outputs are not 0, and of `covers`, which are positive
-    where `line` gives them. `decides` if nothing else is needed to know which of both a point is."""
+    """The C function of one point's heights, which are not negative where the outputs are not 0, and of covers, which are positive where
+    `line` gives them."""
 
     name: str
     inputs: Sequence[int]
-    heights: int
-    covers: int
-    decides: bool
     known: Narrowing
+
+    @property
+    def heights(self) -> int:
+        """Returns how many numbers are not negative in iterations that are live."""
+        return len(self.known.heights)
+
+    @property
+    def covers(self) -> int:
+        """Returns how many numbers are positive in iterations that are covered."""
+        return len(self.known.covers)
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,17 +104,21 @@ def side_by_side(
     whole = _whole(waiting) if waiting and across else None
     narrow = _narrow(once, known) if known else None
     spanned = whole is not None and known is not None and known.decides and bool(known.covers)
-    made = Straight(None, [], None, [], narrow=narrow, spanned=True) if spanned else _decided(once, found, varying, apart, whole is None)
+    planes = known.planes if spanned and known else found.planes
+    alone = lines_apart(waiting.program, waiting.residues) if waiting and across and waiting.sums is not None and planes else []
+    made = Straight(None, [], None, [], narrow=narrow, spanned=True)
+    if not spanned:
+        made = _decided(once, found, varying, apart, whole is None, bool(alone))
     if waiting and across:
-        made = replace(made, narrow=narrow, crossed=_staged(once, "crossed", across, waiting))
-    return replace(made, narrow=narrow, covered=_staged(once, "covered", whole, waiting) if waiting and whole else None)
+        made = replace(made, narrow=narrow, crossed=_staged(once, "crossed", [across, *alone], waiting))
+    return replace(made, narrow=narrow, covered=_staged(once, "covered", [whole], waiting) if waiting and whole else None)
 
 
-def _decided(once: Once, found: Packed, varying: Collection[int], apart: int, with_line: bool) -> Straight:
-    """Returns the decision, and the straight line if there is one and it is wanted."""
+def _decided(once: Once, found: Packed, varying: Collection[int], apart: int, with_line: bool, with_planes: bool) -> Straight:
+    """Returns the decision, which tells half-planes apart if that is wanted, and the straight line if there is one and it is wanted."""
     decided_by, used = used_inputs(found)
-    given = signature(decided_by, varying, "int64_t *live", "int64_t *fast")
-    decided = _printed(once, "decision", f"TEG_INLINE int @({given})", decision(found, varying))
+    given = signature(decided_by, varying, "int64_t *live", "int64_t *fast", *(["int64_t *held"] if with_planes else []))
+    decided = _printed(once, "decision", f"TEG_INLINE int @({given})", decision(found, varying, with_planes))
     if found.fast is False or not with_line:
         return Straight(decided, decided_by, None, used)
     storage = "TEG_APART" if found.wide else "TEG_INLINE"  # inlined, the loop of a wide one would be unrolled before it is vectorised
@@ -112,24 +135,26 @@ def _whole(waiting: Waiting) -> Crossed | None:
     return Crossed(tuple(simple), found.outputs, True) if len(simple) == len(found.straight) else None
 
 
-def _staged(once: Once, kind: str, found: Crossed, waiting: Waiting) -> Staged:
-    """Returns the functions of points that wait in a queue."""
+def _staged(once: Once, kind: str, found: Sequence[Crossed], waiting: Waiting) -> Staged:
+    """Returns the functions of points that wait in queues."""
     sums, differing = waiting.sums, waiting.differing
-    made = functions(found, differing, results(found) if sums is None else totals(found, sums))
+    made = functions(found, differing, results if sums is None else partial(totals, sums=sums))
     written = "double *restrict f" if sums is None else f"double (*restrict lanes)[{SIDE}], int count"
-    good = [] if found.good is True else ["double *restrict good"]
-    given = signature(made.line_by, differing, "const double *s", written, *good)
-    line = _printed(once, kind, f"TEG_EIGHT void @({given})", ["(void)s;", *made.line])
-    steady = _printed(once, "steady", f"static void @({signature(made.steady_by, (), 'double *s')})", ["(void)s;", *made.steady])
-    return Staged(line, made.line_by, steady, made.steady_by, max(1, made.kept))
+    lines: list[Eight] = []
+    for line, inside in zip(found, made.lines, strict=True):
+        good = [] if line.good is True else ["double *restrict good"]
+        given = signature(inside.inputs, differing, "const double *s", written, *good)
+        name = _printed(once, kind if not lines else "alone", f"TEG_EIGHT void @({given})", ["(void)s;", *inside.text])
+        lines.append(Eight(name, inside.inputs))
+    text, inputs = made.steady
+    steady = _printed(once, "steady", f"static void @({signature(inputs, (), 'double *s')})", ["(void)s;", *text])
+    return Staged(lines, Eight(steady, inputs), max(1, made.kept))
 
 
 def _narrow(once: Once, known: Narrowing) -> Narrow:
     """Returns the function by which a range of points is narrowed."""
     head = f"TEG_INLINE {TRUTH} @({signature(known.inputs, (), 'double *height')})"
-    return Narrow(
-        _printed(once, "narrow", head, function(known)), known.inputs, len(known.heights), len(known.covers), known.decides, known
-    )
+    return Narrow(_printed(once, "narrow", head, function(known)), known.inputs, known)
 
 
 def _printed(once: Once, kind: str, head: str, inside: Sequence[str]) -> str:

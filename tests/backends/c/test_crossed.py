@@ -11,7 +11,7 @@ import pytest
 import teg
 from teg.backends.branches import with_branches
 from teg.backends.c import crossed as c_crossed
-from teg.backends.c.crossed import Nodes, crossed
+from teg.backends.c.crossed import Crossed, Nodes, crossed, lines_apart
 from teg.backends.c.kernel import compile_c, print_kernel
 from teg.backends.numpy.kernel import compile_numpy
 from teg.ir.expr import Param
@@ -66,6 +66,11 @@ def is_good(program: Program, columns: list[Array]) -> npt.NDArray[np.bool_]:
     """Where the line of points that surfaces cross is taken to be right, by NumPy."""
     found = crossed(with_branches(program))
     assert found is not None
+    return by_numpy(found, program, columns)[0]
+
+
+def by_numpy(found: Crossed, program: Program, columns: list[Array]) -> tuple[npt.NDArray[np.bool_], npt.NDArray[Any]]:
+    """Where a straight line is taken to be right, and its outputs."""
     steps: list[Assign] = []
     for item in found.items:
         if isinstance(item, Assign):
@@ -84,8 +89,8 @@ def is_good(program: Program, columns: list[Array]) -> npt.NDArray[np.bool_]:
     lines = [Assign(line.name, {"lower": "min", "upper": "max"}.get(line.op, line.op), line.args) for line in steps]
     flag = Assign("v10000000", "select", (found.good, 1.0, 0.0))
     with np.errstate(all="ignore"):
-        found_good = compile_numpy(Program(program.parameters, (*lines, flag), ("v10000000",)))(columns, len(columns[0]))
-    return np.asarray(found_good[0] == 1.0)
+        results = compile_numpy(Program(program.parameters, (*lines, flag), (*found.outputs, "v10000000")))(columns, len(columns[0]))
+    return np.asarray(results[-1] == 1.0), np.asarray(results[:-1])
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -202,6 +207,54 @@ def test_an_edge_on_a_side_is_the_mean_of_both_orders() -> None:
         slopes.append(compile_c(program)(columns, 9))
     np.testing.assert_allclose(slopes[1], 0.5 * (slopes[0] + slopes[2]), atol=1e-7)
     assert (slopes[1] != slopes[0]).any()
+
+
+@pytest.mark.parametrize("name", ["constant", "linear", "quadratic"])
+def test_lines_of_one_half_plane_alone(name: str) -> None:
+    """Right where they are taken to be, edges on sides of the box among them: as NumPy, which clips few points corner by corner."""
+    program = program_of(name)
+    lines = lines_apart(with_branches(program), None)
+    assert len(lines) == 3
+    n = 40
+    good, ties = 0, 0
+    for size in (3.0, 8.0):
+        columns = triangles(program, 25 * n, size)
+        at = dict(zip(program.parameters, columns, strict=True))
+        for k in range(5 * n):  # the edge from corner 0 to corner 1 on a side
+            at["x0"][k], at["x1"][k], at["y0"][k], at["y1"][k] = 0.0, 0.0, 2.0 + at["y0"][k] % 1.0, -1.0 - at["y1"][k] % 1.0
+            at["x2"][k], at["y2"][k] = 4.0, 0.5
+        expected = np.concatenate([compile_numpy(program)([c[k : k + n] for c in columns], n) for k in range(0, 25 * n, n)], axis=1)
+        for line in lines:
+            right, found = by_numpy(line, program, columns)
+            np.testing.assert_allclose(found[:, right], expected[:, right], rtol=1e-11, atol=1e-11)
+            good, ties = good + int(right.sum()), ties + int(right[: 5 * n].sum())
+    assert good > 500
+    assert ties == 2 * 5 * n
+
+
+def test_one_line_on_a_side() -> None:
+    """As NumPy, which clips few points corner by corner: on all sides, the box on either side of the line; also a rounding beside it."""
+    e, wrt = half_planes(1)
+    program = teg.compile(e, wrt, backend="numpy").program(1)
+    assert isinstance(program, Program)
+    turns = np.array([(1.5, 0.0, 0.0), (1.5, 0.0, 1.5), (0.0, 0.7, 0.0), (0.0, 0.7, 0.7)])
+    moved = [turns + np.array([0.0, 0.0, distance]) for distance in (1e-16, -1e-9, 0.3)]
+    a, b, c = np.concatenate([turns, -turns, *moved]).T
+    columns = [{"a": a, "b": b, "c": c}[p[0]] for p in program.parameters]
+    n = len(a)
+    assert n < 64
+    np.testing.assert_allclose(compile_c(program)(columns, n), compile_numpy(program)(columns, n), rtol=1e-12, atol=1e-12)
+
+
+def test_which_half_planes_have_lines_of_their_own() -> None:
+    """Two to four, the same in all polygons."""
+    counts = {name: len(lines_apart(with_branches(program_of(name)), None)) for name in SCENES}
+    assert counts == {"constant": 3, "linear": 3, "quadratic": 3, "half-planes": 4, "cubic": 2}
+    for number in (1, 5):
+        e, wrt = half_planes(number)
+        program = teg.compile(e, wrt, backend="numpy").program(1)
+        assert isinstance(program, Program)
+        assert lines_apart(with_branches(program), None) == []
 
 
 def test_estimates_are_those_of_the_clipped_polygon() -> None:

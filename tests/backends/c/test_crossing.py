@@ -31,11 +31,11 @@ def computed(w: Writer, known: dict[Arg, float]) -> dict[Arg, float | bool]:
     return values
 
 
-def weights(planes: PLANES, width: float, height: float, degree: int) -> tuple[np.ndarray, bool]:
-    """The weights of the nodes, and whether they are right."""
+def weights(planes: PLANES, width: float, height: float, degree: int, alone: int | None = None) -> tuple[np.ndarray, bool]:
+    """The weights of the nodes, and whether they are right; of one half-plane that stands `alone`, if there is one."""
     names = [HalfPlane(*(f"p{3 * i + k}" for k in range(3))) for i in range(len(planes))]
     w = Writer(count(1))
-    found = crossing(w, names, width, height, degree, 0)
+    found = crossing(w, names, (width, height), degree, 0, alone)
     given = c_crossing.weights(w, found.moments, degree)
     values = computed(w, {f"p{3 * i + k}": planes[i][k] for i in range(len(planes)) for k in range(3)})
     right = all(bool(values[c]) for c in found.conditions)
@@ -152,3 +152,40 @@ def test_a_corner_of_a_huge_box(backend: str) -> None:
     value, slopes = f.value_and_grad(c=1.8, w=np.resize([1e3, 1e8, 1e15, 1e17, 1e50, 1e100, 1e150], 140))
     np.testing.assert_allclose(value, 1.08, rtol=1e-14)
     np.testing.assert_allclose(slopes["c"], 1.2, rtol=1e-14)
+
+
+@pytest.mark.parametrize("alone", [0, 1, 2])
+def test_one_half_plane_alone(alone: int) -> None:
+    """The others hold on the box: the weights are those of all of them. Elsewhere they are not right."""
+    rng = np.random.default_rng(alone)
+    number = 0
+    for _ in range(60):
+        width, height = rng.uniform(0.5, 2.0, 2)
+        planes: PLANES = [(a, b, abs(a) * width + abs(b) * height + 0.1) for a, b in rng.standard_normal((3, 2))]
+        a, b, _ = planes[alone]
+        planes[alone] = a, b, -a * width * rng.random() - b * height * rng.random()
+        found, right = weights(planes, width, height, 2, alone)
+        expected, known = weights(planes, width, height, 2)
+        if right and known:
+            number += 1
+            np.testing.assert_allclose(found, expected, atol=1e-13)
+        other = (alone + 1) % 3
+        planes[other] = a, -b, -0.5 * (a * width - b * height)
+        assert not weights(planes, width, height, 2, alone)[1]
+    assert number > 50
+
+
+@pytest.mark.parametrize("turn", [(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)])
+@pytest.mark.parametrize("distance", [0.0, 1e-17, 1e-14, 1e-9, 1e-4])
+def test_a_line_on_a_side(turn: tuple[float, float], distance: float) -> None:
+    """On a side, the box inside, the weights are those of the box. Near a side they are off by the sliver at most, if they are right."""
+    a, b = 3.0 * turn[0], 3.0 * turn[1]
+    whole, _ = weights([(1.0, 1.0, 9.0)], 1.0, 1.0, 2)
+    for moved in (distance, -distance):
+        found, right = weights([(a, b, moved - min(a, 0.0) - min(b, 0.0))], 1.0, 1.0, 2)
+        assert right or distance > 0.0
+        if right:
+            np.testing.assert_allclose(found, whole, atol=8.0 * distance + 1e-14)
+        outside, right = weights([(-a, -b, moved + min(a, 0.0) + min(b, 0.0))], 1.0, 1.0, 2)
+        if right:
+            np.testing.assert_allclose(outside, 0.0, atol=8.0 * distance + 1e-14)

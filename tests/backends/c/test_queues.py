@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any, cast
 
 import numpy as np
@@ -93,6 +94,8 @@ def test_a_picture_has_a_queue_for_each_face() -> None:
     text = print_arrays(program)
     assert "queue_" in text
     assert text.count("crossed_") == 3  # the function, and its calls where the queue is full and where the face ends
+    names = set(re.findall(r"\balone_\d+", text))
+    assert [text.count(f"{name}(") for name in names] == [3, 3, 3]  # one for each edge of a triangle
 
 
 def test_outputs_that_chunks_write_apart_have_no_copies() -> None:

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from teg.backends.c.crossed import Crossed, Item
-from teg.backends.c.regrouped import regrouped
+from teg.backends.c.crossed import Crossed, Item, Nodes
+from teg.backends.c.regrouped import alike, regrouped
 from teg.program import Arg, Assign, Program
 from teg.program.interpreter import interpret
 
@@ -82,3 +82,26 @@ def test_less_differs_between_points(name: str, ops: list[str]) -> None:
 def test_a_selection_by_a_condition_that_differs_stays() -> None:
     items = [positive("b0", "p2"), Assign("v0", "upper", ("p0", "p3")), Assign("v1", "select", ("b0", "v0", "p0"))]
     assert list(regrouped(Crossed(tuple(items), ("v1",), True), {2, 3}).items) == items
+
+
+def test_conditions_are_joined_before_sums_over_nodes() -> None:
+    """Two conditions that are known before the sum are one there; the third one is not known yet."""
+    nodes = Nodes({"v9": (0.5,)}, (1.0,), (Assign("v8", "mul", ("v9", "p2")),), ("v8",), ("v7",))
+    items = [positive("b0", "p2"), positive("b1", "p3"), nodes, positive("b2", "v7"), Assign("b3", "and", ("b0", "b2", "b1"))]
+    made = regrouped(Crossed(tuple(items), (), "b3"), {2, 3}).items
+    (first, last) = (i for i in made if isinstance(i, Assign) and i.op == "and")
+    assert first.args == ("b0", "b1")
+    assert last.args == (first.name, "b2")
+
+
+def test_lines_share_what_is_the_same_at_all_points() -> None:
+    """Values that are computed alike have one name, whatever they are called in each line; 0 and -0 are two numbers."""
+    one = (Assign("v0", "mul", ("p0", 0.0)), Assign("v1", "add", ("v0", "p2")))
+    other = (Assign("v5", "mul", ("p0", -0.0)), Assign("v6", "mul", ("p0", 0.0)), Assign("v7", "add", ("v6", "v5", "p3")))
+    first, second = alike([Crossed(one, ("v1",), True), Crossed(other, ("v7",), True)], {2, 3})
+    same = {i.name for line in (first, second) for i in line.items if isinstance(i, Assign) and i.op == "mul"}
+    assert len(same) == 2
+    assert first.items[0] in second.items
+    for line, items, output in ((first, one, "v1"), (second, other, "v7")):
+        numbers = [0.5, 1.0, -2.0, 3.0]
+        assert result(line.items, line.outputs[0], numbers) == result(items, output, numbers)

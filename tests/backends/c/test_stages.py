@@ -24,13 +24,13 @@ def test_what_is_the_same_at_all_points_is_computed_apart() -> None:
     assert found is not None
     names = program.parameters
     boxes = {names.index(name) for name in ("left", "right", "bottom", "top", "t0", "t1", "t2")}
-    some, every = (functions(found, varying, results(found)) for varying in (boxes, range(len(names))))
-    assert not boxes.intersection(some.steady_by)
-    assert boxes.issubset(some.line_by)
+    some, every = (functions([found], varying, results) for varying in (boxes, range(len(names))))
+    assert not boxes.intersection(some.steady.inputs)
+    assert boxes.issubset(some.lines[0].inputs)
     assert some.kept > 20
-    assert len(some.steady) > 60
-    assert len(some.line) < len(every.line) - 40
-    assert every.steady_by == []
+    assert len(some.steady.text) > 60
+    assert len(some.lines[0].text) < len(every.lines[0].text) - 40
+    assert every.steady.inputs == []
 
 
 def test_in_a_picture_it_is_computed_once_for_each_face() -> None:
