@@ -86,6 +86,25 @@ def test_as_numpy(e: teg.Expr) -> None:
         np.testing.assert_array_equal(slope, others[name])
 
 
+@pytest.mark.parametrize("squared", [False, True])
+def test_rows_by_themselves_have_queues_for_half_planes(squared: bool) -> None:
+    """Where half-planes hold is found for one row at a time if lines differ between rows."""
+    inside = (lines[j, 0] * x + lines[j, 1] * y < lines[j, 2]) & (x - lines[j, 1] * y > lines[j, 0])
+    row = teg.sum(teg.integral(teg.where(inside, x + y * y, 0), (x, i, i + 1), (y, j, j + 1)), (i, 0, 40))
+    e = teg.sum(row**2 if squared else row, (j, 0, teg.length(lines, 0)))
+    rng = np.random.default_rng(5)
+    at = {"L": rng.standard_normal((30, 3)) * (1.0, 1.0, 9.0)}
+    at["L"][::4, 1] = 0.0
+    at["L"][::8, 2] = np.round(at["L"][::8, 2]) * at["L"][::8, 0]
+    (value, slopes), (expected, others) = (teg.compile(e, [lines], backend=k).value_and_grad(at) for k in ("c", "numpy"))
+    assert value == pytest.approx(expected, rel=1e-12)
+    assert teg.compile(e, [], backend="c")(at) == pytest.approx(expected, rel=1e-12)
+    np.testing.assert_allclose(slopes["L"], others["L"], rtol=1e-10, atol=1e-11 * np.abs(others["L"]).max())
+    source = print_arrays(cast(ArrayProgram, teg.compile(e, [lines], backend="numpy").program(0 if squared else 1)))
+    assert "_holds_1" in source
+    assert "alone_" in source
+
+
 def test_a_picture_has_a_queue_for_each_face() -> None:
     program = teg.compile(*picture(), backend="numpy").program(1)
     deepest = max(queues(program), key=lambda q: len(q.chain))
