@@ -312,7 +312,8 @@ def test_the_text_does_not_grow_with_the_candidates() -> None:
     for count in (1, 10, 200):
         f(**random_mesh(count, count))
     assert f.source == before
-    assert len(before.splitlines()) < 2500
+    own = before[before.index("TEG_INLINE void run_1(") :]  # behind the runtime, which is the same for all programs with choices
+    assert len(own.splitlines()) < 500
 
 
 def test_plain_automatic_differentiation_leaves_the_regions_where_they_are() -> None:

@@ -69,8 +69,10 @@ FEW = 16
 """The number of regions, or of lines, up to which they are sorted by insertion."""
 SOME = 64
 """The number of keys of an interval up to which they are sorted by comparing all of them, side by side."""
-PIECES, CORNERS, LINES = 8, 12, 40
-"""The numbers of regions of a square, of corners of one, and of lines, up to which there are cells with signs."""
+PIECES, LINES = 8, 40
+"""The numbers of regions of a square and of lines up to which there are cells with signs."""
+CORNERS = 8
+"""The number of corners up to which a polygon is a piece, whose corners are computed side by side."""
 LIMITS = {
     "TEG_BLOCK": BLOCK,
     "TEG_CHUNKS": CHUNKS,
@@ -158,6 +160,7 @@ TOPICS = (
     "roots",
     "places",
     "samples",
+    "pieces",
     "arrangement",
     "cells",
     "envelope",

@@ -84,13 +84,14 @@ typedef struct {
 //: teg_arrangement
 /* The cells of a tile of the square, from (u[0], v[0]) to (u[1], v[1]), moved by (su, sv), and all that they are made of. Arrays begin on the
    stack, and move to the heap as they grow. `tied`: something else has the line of an edge on which two keys are equal; `ambiguous`: such an
-   edge has no derivative; `alone`: it is known that no two regions have one line. */
+   edge has no derivative; `alone`: it is known that no two regions have one line; `last`: the last region is being inserted, and cells of
+   the base need not be there. */
 typedef struct {
     const teg_shape *shape;
     const double *rows;
     int64_t n;
     double su, sv, u[2], v[2];
-    int touching, undefined, failed, tied, ambiguous, alone;
+    int touching, undefined, failed, tied, ambiguous, alone, last;
     int64_t base;
     teg_cell *cells;
     size_t cell_count, cell_room;
@@ -125,9 +126,10 @@ static void *teg_grown(void *array, int own, size_t used, size_t bytes, int *fai
 }
 
 //: teg_room_in_pool
-/* Make room for more corners in the pool. */
+/* Make room for more corners in the pool, or for a piece. */
 static int teg_room_in_pool(teg_arrangement *r, size_t more)
 {
+    more = more < TEG_PIECE ? TEG_PIECE : more;
     if (r->used + more > r->pool_room) {
         const size_t room = 2 * (r->used + more), used = r->used * sizeof(double);
         r->x = teg_grown(r->x, r->own_pool, used, room * sizeof(double), &r->failed);
@@ -162,33 +164,50 @@ static int teg_room_in_scratch(teg_arrangement *r, size_t most)
 }
 
 //: teg_add_line
-/* One more line; returns its number. */
-static int teg_add_line(teg_arrangement *r, teg_line line)
+/* One more line, whose form g has this size; the other numbers of it are those of a line on which two keys are equal. Returns its number. */
+static int teg_add_line(teg_arrangement *r, const double *g, double size, int64_t plus, int64_t minus, int column)
 {
+    teg_line *line;
     if (r->line_count == r->line_room) {
-        r->lines = teg_grown(r->lines, r->own_lines, r->line_count * sizeof line, 2 * r->line_room * sizeof line, &r->failed);
+        r->lines = teg_grown(r->lines, r->own_lines, r->line_count * sizeof *line, 2 * r->line_room * sizeof *line, &r->failed);
         if (r->failed) return 0;
         r->own_lines = 1;
         r->line_room *= 2;
     }
-    r->lines[r->line_count] = line;
+    line = r->lines + r->line_count;
+    line->c = g[0] / size, line->a = g[1] / size, line->b = g[2] / size, line->size = size;
+    line->plus = plus, line->minus = minus, line->column = column;
+    line->first = line->end = line->late = 0, line->twin = -1;
     return (int)r->line_count++;
 }
 
 //: teg_new_cell
-/* One more cell, whose corners are the next n of the pool. */
+/* One more cell, whose corners are the next n of the pool. Those of few corners are pieces (see `teg_piece`). */
 static void teg_new_cell(teg_arrangement *r, int64_t owner, int line, int n)
 {
-    const int number = (int)r->cell_count;
-    const teg_cell cell = {owner, r->used, n, n, line, 2 * number + 1, {0, ~number}, 1.0};
+    const int number = (int)r->cell_count, room = n < TEG_PIECE ? TEG_PIECE : n;
+    teg_cell *cell;
     if (r->cell_count == r->cell_room) {
-        r->cells = teg_grown(r->cells, r->own_cells, r->cell_count * sizeof cell, 2 * r->cell_room * sizeof cell, &r->failed);
+        r->cells = teg_grown(r->cells, r->own_cells, r->cell_count * sizeof *cell, 2 * r->cell_room * sizeof *cell, &r->failed);
         if (r->failed) return;
         r->own_cells = 1;
         r->cell_room *= 2;
     }
-    r->used += (size_t)n;
-    r->cells[r->cell_count++] = cell;
+    cell = r->cells + r->cell_count++;
+    cell->owner = owner, cell->at = r->used, cell->n = n, cell->room = room, cell->line = line, cell->up = 2 * number + 1;
+    cell->sides[0] = 0, cell->sides[1] = ~number, cell->weight = 1.0;
+    r->used += (size_t)room;
+}
+
+//: teg_cell_of
+/* One more cell, which is a piece. */
+static inline void teg_cell_of(teg_arrangement *r, const teg_piece *piece, int64_t owner)
+{
+    if (!teg_room_in_pool(r, TEG_PIECE)) return;
+    memcpy(r->x + r->used, piece->x, sizeof piece->x);
+    memcpy(r->y + r->used, piece->y, sizeof piece->y);
+    memcpy(r->label + r->used, piece->label, sizeof piece->label);
+    teg_new_cell(r, owner, 0, piece->n);
 }
 
 //: teg_form
@@ -293,6 +312,65 @@ static void teg_touch(
     }
 }
 
+//: teg_hang
+/* Put what was cut off a cell, the first of these cells and all behind it, into the tree of cuts. */
+static inline void teg_hang(teg_arrangement *r, size_t number, size_t first)
+{
+    for (size_t k = first; k < r->cell_count; k++) {
+        const int up = r->cells[number].up;
+        r->cells[up >> 1].sides[up & 1] = (int)k;
+        r->cells[k].sides[0] = ~(int)number;
+        r->cells[number].up = 2 * (int)k;
+    }
+}
+
+//: teg_clip_piece
+/* `teg_clip_cell` of a cell that is a piece. Returns 0, and changes nothing, where a corner lies on a line or there are too many. What the
+   last region cuts off the base's cells is left out if it need not be there. */
+static int teg_clip_piece(teg_arrangement *r, size_t number, const teg_region *region, int extra)
+{
+    const size_t cells = r->cell_count, used = r->used, at = r->cells[number].at;
+    const int64_t owner = r->cells[number].owner;
+    const unsigned all = (1u << TEG_PIECE) - 1;
+    const double *x = r->x + at, *y = r->y + at;
+    const int *label = r->label + at;
+    teg_piece parts[2];
+    const int spare = r->last && owner == r->base;
+    int n = r->cells[number].n, turn = 0, cut = 0;
+    for (int line = region->first; line < region->end + (extra >= 0); line++) {
+        const int k = line < region->end ? line : extra;
+        const teg_line *const g = r->lines + k;
+        teg_piece *const part = parts + turn;
+        double d[TEG_PIECE];
+        unsigned below;
+        int rest;
+        teg_on_corners(g->c, g->a, g->b, x, y, d);
+        below = teg_below_level(d, 0.0);
+        if (!below && !teg_on_line(d)) continue;
+        if (teg_on_line(d) || below == all || r->used + TEG_PIECE > r->pool_room) {
+            r->cell_count = cells, r->used = used;
+            return !teg_on_line(d) && below == all;
+        }
+        part->n = teg_part(n, x, y, label, d, 1, 2 * k, part->x, part->y, part->label);
+        rest = spare ? 1 : teg_part(n, x, y, label, d, -1, 2 * k + 1, r->x + r->used, r->y + r->used, r->label + r->used);
+        if (!part->n || !rest) {
+            r->cell_count = cells, r->used = used;
+            return 0;
+        }
+        if (!spare) teg_new_cell(r, owner, k, rest);
+        if (r->failed) return 1;
+        cut = 1, n = part->n, x = part->x, y = part->y, label = part->label, turn = !turn;
+    }
+    r->cells[number].owner = region->region;
+    if (!cut) return 1;
+    teg_hang(r, number, cells);
+    r->cells[number].n = n;
+    memcpy(r->x + at, x, TEG_PIECE * sizeof *x);
+    memcpy(r->y + at, y, TEG_PIECE * sizeof *y);
+    memcpy(r->label + at, label, TEG_PIECE * sizeof *label);
+    return 1;
+}
+
 //: teg_clip_cell
 /* Give a region its part of a cell; what is cut off stays with the owner. `extra`: one more line, or -1. */
 static void teg_clip_cell(teg_arrangement *r, size_t number, const teg_region *region, int extra)
@@ -301,6 +379,7 @@ static void teg_clip_cell(teg_arrangement *r, size_t number, const teg_region *r
     const size_t cells = r->cell_count, used = r->used;
     size_t at = cell.at;
     int n = cell.n, cut = 0;
+    if (n <= TEG_PIECE && teg_clip_piece(r, number, region, extra)) return;
     for (int line = region->first; line < region->end + (extra >= 0); line++) {
         const int k = line < region->end ? line : extra;
         const teg_line *const g = r->lines + k;
@@ -323,6 +402,7 @@ static void teg_clip_cell(teg_arrangement *r, size_t number, const teg_region *r
             return;
         }
         n = teg_split(n, x, y, label, r->d, k, r->qx, r->qy, r->ql, r->x + r->used, r->y + r->used, r->label + r->used, &rest);
+        teg_close_piece(rest, r->x + r->used, r->y + r->used, r->label + r->used);
         teg_new_cell(r, cell.owner, k, rest);
         if (r->failed) return;
         swap = r->px, r->px = r->qx, r->qx = swap;
@@ -332,12 +412,7 @@ static void teg_clip_cell(teg_arrangement *r, size_t number, const teg_region *r
     }
     r->cells[number].owner = region->region;
     if (!cut) return;
-    for (size_t k = cells; k < r->cell_count; k++) {
-        const int up = r->cells[number].up;
-        r->cells[up >> 1].sides[up & 1] = (int)k;
-        r->cells[k].sides[0] = ~(int)number;
-        r->cells[number].up = 2 * (int)k;
-    }
+    teg_hang(r, number, cells);
     if (n > cell.room) {
         if (!teg_room_in_pool(r, (size_t)n)) return;
         at = r->used;
@@ -346,6 +421,7 @@ static void teg_clip_cell(teg_arrangement *r, size_t number, const teg_region *r
     }
     r->cells[number].n = n;
     for (int i = 0; i < n; i++) r->x[at + i] = r->px[i], r->y[at + i] = r->py[i], r->label[at + i] = r->pl[i];
+    teg_close_piece(n, r->x + at, r->y + at, r->label + at);
 }
 
 //: teg_key_line
@@ -353,10 +429,9 @@ static void teg_clip_cell(teg_arrangement *r, size_t number, const teg_region *r
 static int teg_key_line(teg_arrangement *r, int64_t owner, int64_t candidate, const double *g)
 {
     const double size = sqrt(g[1] * g[1] + g[2] * g[2]);
-    const teg_line line = {g[0] / size, g[1] / size, g[2] / size, size, owner, candidate, teg_forms(TEG_SHAPE(r->shape)) - 3, 0, 0, -1, 0};
     for (size_t k = r->line_count; k-- > 4 && r->lines[k].minus == candidate;)
         if (r->lines[k].plus == owner) return (int)k;
-    return teg_add_line(r, line);
+    return teg_add_line(r, g, size, owner, candidate, teg_forms(TEG_SHAPE(r->shape)) - 3);
 }
 
 //: teg_late_line
@@ -364,8 +439,9 @@ static int teg_key_line(teg_arrangement *r, int64_t owner, int64_t candidate, co
 static int teg_late_line(teg_arrangement *r, int64_t owner, int64_t candidate, const double *g)
 {
     const double size = sqrt(g[1] * g[1] + g[2] * g[2]);
-    const teg_line line = {g[0] / size, g[1] / size, g[2] / size, size, owner, candidate, teg_forms(TEG_SHAPE(r->shape)) - 3, 0, 0, -1, 1};
-    return teg_add_line(r, line);
+    const int line = teg_add_line(r, g, size, owner, candidate, teg_forms(TEG_SHAPE(r->shape)) - 3);
+    if (!r->failed) r->lines[line].late = 1;
+    return line;
 }
 
 //: teg_key_difference
@@ -392,23 +468,29 @@ static inline double teg_key_tolerance(const double *g, double size)
 /* Give a region its part of a cell. */
 static void teg_insert_in_cell(teg_arrangement *r, const teg_region *region, size_t k)
 {
-    const teg_cell cell = r->cells[k];
-    const int parts = TEG_SHAPE(r->shape)->parts;
+    const int64_t owner = r->cells[k].owner;
+    const size_t at = r->cells[k].at;
+    const int n = r->cells[k].n, parts = TEG_SHAPE(r->shape)->parts;
     int extra = -1;
-    if (cell.owner >= 0) {
-        double g[3], most = -INFINITY, least = INFINITY, tolerance;
-        if (cell.owner / parts == region->region / parts) return;
-        if (!teg_room_in_scratch(r, (size_t)cell.n + 2)) return;
-        tolerance = teg_key_difference(r, cell.owner / parts, region->region / parts, g);
+    if (owner >= 0) {
+        double g[3], tolerance;
+        int above = 0, below = 0, equal = 0;
+        if (owner / parts == region->region / parts) return;
+        if (!teg_room_in_scratch(r, (size_t)n + 2)) return;
+        tolerance = teg_key_difference(r, owner / parts, region->region / parts, g);
         tolerance = teg_key_tolerance(g, tolerance);
-        for (int i = 0; i < cell.n; i++) {
-            const double d = r->d[i] = g[0] + g[1] * r->x[cell.at + i] + g[2] * r->y[cell.at + i];
-            most = teg_most_of(d, most), least = teg_least_of(d, least);
-        }
-        if ((most > tolerance) != (least < -tolerance) && (most > tolerance ? least <= tolerance : most >= -tolerance))
-            teg_touch(r, region, cell.n, r->x + cell.at, r->y + cell.at, r->label + cell.at, tolerance);
-        if (most <= tolerance && (least < -tolerance || region->region > cell.owner)) return;
-        if (most > tolerance && least < -tolerance) extra = teg_key_line(r, cell.owner / parts, region->region / parts, g);
+        if (n <= TEG_PIECE) {
+            teg_on_corners(g[0], g[1], g[2], r->x + at, r->y + at, r->d);
+            above = teg_above_level(r->d, tolerance) != 0, below = teg_below_level(r->d, -tolerance) != 0;
+            equal = (teg_above_level(r->d, tolerance) | teg_below_level(r->d, -tolerance)) != (1u << TEG_PIECE) - 1;
+        } else
+            for (int i = 0; i < n; i++) {
+                const double d = r->d[i] = g[0] + g[1] * r->x[at + i] + g[2] * r->y[at + i];
+                above |= d > tolerance, below |= d < -tolerance, equal |= fabs(d) <= tolerance;
+            }
+        if (above != below && equal) teg_touch(r, region, n, r->x + at, r->y + at, r->label + at, tolerance);
+        if (!above && (below || region->region > owner)) return;
+        if (above && below) extra = teg_key_line(r, owner / parts, region->region / parts, g);
     }
     teg_clip_cell(r, k, region, extra);
 }
@@ -484,28 +566,15 @@ static void teg_insert(teg_arrangement *r, const teg_region *region)
 }
 
 //: teg_present
-/* Whether a region may be in the tile; if so its guards with cutting lines are noted. Which guards cut is at random: there are no branches,
-   and gcc makes vector code of selections among numbers of 64 bits. */
+/* Whether a region may be in the tile; if so its guards with cutting lines are noted. */
 static inline int teg_present(teg_arrangement *r, teg_region *region)
 {
     const teg_shape *const s = TEG_SHAPE(r->shape);
     const double *const f = r->rows + region->region / s->parts * teg_row(s) + 3 * (int)(region->region % s->parts) * s->guards;
-    const double u0 = r->u[0], u1 = r->u[1], v0 = r->v[0], v1 = r->v[1], su = r->su, sv = r->sv;
-    int64_t cuts[TEG_GUARDS], absent[TEG_GUARDS], infinite[TEG_GUARDS], any[3] = {0, 0, 0};
-    for (int q = 0; q < s->guards; q++) {
-        const double a = f[3 * q + 1], b = f[3 * q + 2], c = f[3 * q] + a * su + b * sv;
-        const double square = a * a + b * b, margin = TEG_ON_LINE * TEG_ON_LINE * square;
-        const double highest = c + teg_most_of(a * u0, a * u1) + teg_most_of(b * v0, b * v1);
-        const double lowest = c + teg_least_of(a * u0, a * u1) + teg_least_of(b * v0, b * v1);
-        absent[q] = highest < 0.0 ? 1 : 0, absent[q] = highest * highest > margin ? absent[q] : 0;
-        infinite[q] = fabs(c) < INFINITY ? 0 : 1, infinite[q] = square < INFINITY ? infinite[q] : 1;
-        cuts[q] = lowest * lowest <= margin ? (int64_t)1 << q : 0, cuts[q] = lowest <= 0.0 ? (int64_t)1 << q : cuts[q];
-        cuts[q] = square > 0.0 ? cuts[q] : 0;
-    }
-    for (int q = 0; q < s->guards; q++) any[0] |= cuts[q], any[1] |= absent[q], any[2] |= infinite[q];
-    region->cuts = (unsigned)any[0];
-    r->undefined |= !any[1] & (any[2] != 0);
-    return !any[1];
+    const teg_signs signs = teg_signs_of(f, s->guards, r->u, r->v, r->su, r->sv);
+    region->cuts = signs.cuts;
+    r->undefined |= !signs.absent & (signs.infinite != 0);
+    return !signs.absent;
 }
 
 //: teg_draw
@@ -516,14 +585,14 @@ static void teg_draw(teg_arrangement *r, teg_region *region)
     const int64_t candidate = region->region / s->parts;
     region->first = (int)r->line_count, region->end = region->first;
     for (unsigned cuts = region->cuts; cuts; cuts &= cuts - 1) region->end++;
-    for (int q = 0; q < s->guards; q++) {
-        const int column = 3 * ((int)(region->region % s->parts) * s->guards + q);
-        double g[3], size;
-        if (!(region->cuts >> q & 1)) continue;
+    for (unsigned cuts = region->cuts; cuts; cuts &= cuts - 1) {
+        const int column = 3 * ((int)(region->region % s->parts) * s->guards + teg_lowest_bit(cuts));
+        double g[3];
+        int line;
         teg_form(r, candidate, column, g);
-        size = sqrt(g[1] * g[1] + g[2] * g[2]);
-        const teg_line line = {g[0] / size, g[1] / size, g[2] / size, size, candidate, -1, column, region->first, region->end, -1, 0};
-        teg_add_line(r, line);
+        line = teg_add_line(r, g, sqrt(g[1] * g[1] + g[2] * g[2]), candidate, -1, column);
+        if (r->failed) return;
+        r->lines[line].first = region->first, r->lines[line].end = region->end;
     }
 }
 
@@ -563,32 +632,36 @@ static void teg_select(teg_arrangement *r, const int64_t *list, int64_t regions)
     memcpy(r->lines, sides, sizeof sides);
     r->line_count = 4;
     for (int64_t k = 0; k < regions && !r->undefined && !r->failed; k++) {
-        teg_region region = {0.0, list ? list[k] : k, 0, 0, 0};
+        teg_region *region;
         double g[3], highest;
         int present, better;
         if (r->region_count == r->region_room) {
             r->regions =
-                teg_grown(r->regions, r->own_regions, r->region_count * sizeof region, 2 * r->region_room * sizeof region, &r->failed);
+                teg_grown(r->regions, r->own_regions, r->region_count * sizeof *region, 2 * r->region_room * sizeof *region, &r->failed);
             if (r->failed) return;
             r->own_regions = 1;
             r->region_room *= 2;
         }
-        present = teg_present(r, &region);
-        teg_form(r, region.region / s->parts, teg_forms(s) - 3, g);
+        region = r->regions + r->region_count;
+        region->region = list ? list[k] : k;
+        present = teg_present(r, region);
+        teg_form(r, region->region / s->parts, teg_forms(s) - 3, g);
         r->undefined |= present & !((fabs(g[0]) < INFINITY) & (fabs(g[1]) < INFINITY) & (fabs(g[2]) < INFINITY));
-        region.middle = g[0] + 0.5 * (r->u[0] + r->u[1]) * g[1] + 0.5 * (r->v[0] + r->v[1]) * g[2];
+        region->middle = g[0] + 0.5 * (r->u[0] + r->u[1]) * g[1] + 0.5 * (r->v[0] + r->v[1]) * g[2];
         highest = teg_highest(r, g);
-        better = present & !region.cuts & ((base < 0) | (highest < nearest));
-        base = better ? region.region : base, nearest = better ? highest : nearest;
-        r->regions[r->region_count] = region, r->region_count += (size_t)present;
+        better = present & !region->cuts & ((base < 0) | (highest < nearest));
+        base = better ? region->region : base, nearest = better ? highest : nearest;
+        r->region_count += (size_t)present;
     }
     r->base = base;
     for (size_t k = 0; k < r->region_count && base >= 0 && !r->undefined; k++) {
-        const teg_region region = r->regions[k];
+        const teg_region *const region = r->regions + k;
+        teg_region *const to = r->regions + kept;
         double g[3];
-        const double size = teg_key_difference(r, region.region / s->parts, base / s->parts, g), lowest = teg_lowest(r, g);
-        const int hidden = (region.region == base) | (lowest > TEG_ON_LINE * (fabs(g[1]) + fabs(g[2])) + TEG_KEY_ROUNDING * size);
-        r->regions[kept] = region, kept += (size_t)!hidden;
+        const double size = teg_key_difference(r, region->region / s->parts, base / s->parts, g), lowest = teg_lowest(r, g);
+        const int hidden = (region->region == base) | (lowest > TEG_ON_LINE * (fabs(g[1]) + fabs(g[2])) + TEG_KEY_ROUNDING * size);
+        to->middle = region->middle, to->region = region->region, to->cuts = region->cuts;
+        kept += (size_t)!hidden;
     }
     if (base >= 0) r->region_count = kept;
     for (size_t k = 0; k < r->region_count && !r->undefined && !r->failed; k++) teg_draw(r, r->regions + k);
@@ -673,17 +746,21 @@ static void teg_assign_key_edges(teg_arrangement *r)
 }
 
 //: teg_arrange
-/* Cut the tile into cells. */
-static void teg_arrange(teg_arrangement *r)
+/* Cut the tile into cells. Those of the base may be left out if its polynomials are known (see `teg_values`). */
+static void teg_arrange(teg_arrangement *r, int known)
 {
     const double x[4] = {r->u[0], r->u[1], r->u[1], r->u[0]}, y[4] = {r->v[0], r->v[0], r->v[1], r->v[1]};
     static const int label[4] = {4, 2, 6, 0};
     for (int i = 0; i < 4; i++) r->x[i] = x[i], r->y[i] = y[i], r->label[i] = label[i];
+    teg_close_piece(4, r->x, r->y, r->label);
     teg_new_cell(r, r->base, 0, 4);
     r->cells[0].sides[0] = ~0, r->cells[0].up = 0;
     r->tied = 0;
     teg_sort_regions(r->regions, r->region_count);
-    for (size_t k = 0; k < r->region_count && !r->failed; k++) teg_insert(r, r->regions + k);
+    for (size_t k = 0; k < r->region_count && !r->failed; k++) {
+        r->last = known && k + 1 == r->region_count;
+        teg_insert(r, r->regions + k);
+    }
     if (r->tied && !r->failed) teg_assign_key_edges(r);
 }
 

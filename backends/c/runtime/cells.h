@@ -52,6 +52,36 @@ static void teg_velocities(const teg_arrangement *r, const teg_cell *cell, doubl
     }
 }
 
+//: teg_piece_moments
+/* Add the moments of a piece: its triangles are computed side by side. Returns 0 where that is not to be had. */
+static inline int teg_piece_moments(const teg_shape *s, const double *x, const double *y, double *m)
+{
+#if TEG_WIDE == 8
+    const __m512i behind = _mm512_setr_epi64(1, 2, 3, 4, 5, 6, 7, 0);
+    const __m512d x0 = _mm512_set1_pd(x[0]), y0 = _mm512_set1_pd(y[0]);
+    const __m512d a = _mm512_loadu_pd(x) - x0, b = _mm512_loadu_pd(y) - y0;
+    const __m512d c = _mm512_permutexvar_pd(behind, a), d = _mm512_permutexvar_pd(behind, b);
+    const __m512d area = _mm512_set1_pd(0.5) * (a * d - c * b);
+    __m512d sums[TEG_MONOMIALS], at[TEG_MONOMIALS];
+    for (int j = 0; j < teg_coefficients(s); j++) sums[j] = _mm512_setzero_pd();
+    for (int node = 0; node < s->nodes; node++) {
+        const __m512d t = _mm512_set1_pd(s->rule[3 * node]), u = _mm512_set1_pd(s->rule[3 * node + 1]);
+        const __m512d px = x0 + t * a + u * c, py = y0 + t * b + u * d;
+        at[0] = _mm512_set1_pd(s->rule[3 * node + 2]) * area, sums[0] += at[0];
+        for (int total = 1, k = 1, before = 0; total <= s->degree; before += total, total++)
+            for (int j = 0; j <= total; j++, k++) {
+                at[k] = j < total ? at[before + j] * px : at[before + j - 1] * py;
+                sums[k] += at[k];
+            }
+    }
+    for (int j = 0; j < teg_coefficients(s); j++) m[j] += _mm512_reduce_add_pd(sums[j]);
+    return 1;
+#else
+    (void)s, (void)x, (void)y, (void)m;
+    return 0;
+#endif
+}
+
 //: teg_cell_moments
 /* Add the moments of a cell, and their derivatives along the direction (`dm` may be NULL). */
 static void teg_cell_moments(const teg_arrangement *r, const teg_cell *cell, const double *p, const double *q, double *m, double *dm)
@@ -60,6 +90,7 @@ static void teg_cell_moments(const teg_arrangement *r, const teg_cell *cell, con
     const double *const x = r->x + cell->at, *const y = r->y + cell->at;
     const int count = teg_coefficients(s);
     double at[TEG_MONOMIALS], slope[TEG_MONOMIALS];
+    if (!dm && cell->n <= TEG_PIECE && teg_piece_moments(s, x, y, m)) return;
     for (int k = 1; k + 1 < cell->n; k++) {
         const double a = x[k] - x[0], b = y[k] - y[0], c = x[k + 1] - x[0], d = y[k + 1] - y[0], area = 0.5 * (a * d - c * b);
         for (int node = 0; node < s->nodes; node++) {
@@ -257,7 +288,7 @@ static void teg_tile(teg_arrangement *r, const int64_t *list, int64_t regions, i
     if (r->undefined || r->failed) return;
     if (level == 0) all = r->region_count;
     if (!teg_is_tiled(r, level, all)) {
-        if (r->region_count) teg_arrange(r);
+        if (r->region_count) teg_arrange(r, 0);
         if (!r->failed) teg_measure(r, otherwise, wanted[0], wanted[1], r->touching && r->su == 0.0 ? NULL : wanted[2]);
         return;
     }

@@ -2,12 +2,14 @@
 
 //: teg_kept
 /* Cells, and what has become of them. TEG_NO_CELLS: the square has one owner, or there are none. TEG_CELLS: they are there. TEG_TWO_PARTS: one
-   cell is there, and `other` owns the rest of the square. TEG_SIGNED: there are cells with signs. TEG_TABLES: the tables of all results are there, since the square was cut into tiles,
+   cell is there, and `other` owns the rest of the square. `known`: the polynomials of the owner of the rest are finite, so they are subtracted
+   from the others, and its cells are not needed. TEG_SIGNED: there are cells with signs. TEG_TABLES: the tables of all results are there, since the square was cut into tiles,
    or something lies on a side. TEG_UNDEFINED: all is NaN. */
 typedef struct {
     teg_room room;
     enum { TEG_NO_CELLS, TEG_CELLS, TEG_TWO_PARTS, TEG_TABLES, TEG_UNDEFINED, TEG_SIGNED } state;
     int64_t other;
+    int known;
     double *tables;
 } teg_kept;
 
@@ -49,15 +51,15 @@ static inline void teg_whole(const teg_shape *s, const double *f, double *values
 }
 
 //: teg_values
-/* Values and moments of an arrangement. Those of the base are what the other cells leave. */
+/* Values and moments of an arrangement. Those of the base are what the other cells leave, if its polynomials are known. */
 static void teg_values(
-    const teg_arrangement *r, int64_t base, const double *otherwise, double *values, double *moments, unsigned char *seen)
+    const teg_arrangement *r, int64_t base, int finite, const double *otherwise, double *values, double *moments, unsigned char *seen)
 {
     const teg_shape *const s = TEG_SHAPE(r->shape);
     const int count = teg_coefficients(s), whole = !r->region_count || (r->cell_count == 1 && r->cells[0].owner == base);
     const int64_t base_row = base < 0 ? r->n : base / s->parts;
     const double *const f = teg_polynomials(r, base, otherwise);
-    const int known = whole || teg_is_known(s, f);
+    const int known = whole || finite;
     double m[TEG_MONOMIALS], rest[TEG_MONOMIALS];
     teg_square_moments(s, rest);
     for (size_t k = 0; k < r->cell_count && !whole; k++) {
@@ -77,22 +79,20 @@ static void teg_values(
 }
 
 //: teg_is_opposite
-/* Whether line h, whose form is at most 0 on a polygon, separates it from the rest of the square as line g does, whose values at the corners of
-   the square are d: what cutting both parts by h would find. */
-static int teg_is_opposite(const teg_line *h, const double *d, int n, const double *x, const double *y)
+/* Whether line h, whose form is at most 0 on a piece of the square that line g cuts off, separates it from the rest as g does: what cutting
+   both parts by h would find. */
+static int teg_is_opposite(const teg_line *h, const teg_line *g, const teg_piece *piece)
 {
-    const double corners[4] = {h->c, h->c + h->a, h->c + h->a + h->b, h->c + h->b};
-    int ends = 0;
+    const double one[4] = {g->c, g->c + g->a, g->c + g->a + g->b, g->c + g->b}, two[4] = {h->c, h->c + h->a, h->c + h->a + h->b, h->c + h->b};
+    double d[TEG_PIECE];
+    unsigned near;
     for (int k = 0; k < 4; k++) {
-        const double e = fabs(corners[k]) < TEG_ON_LINE ? 0.0 : corners[k];
-        if ((d[k] > 0.0) != (e < 0.0) || (d[k] < 0.0) != (e > 0.0)) return 0;
+        const double e = fabs(two[k]) < TEG_ON_LINE ? 0.0 : two[k];
+        if ((one[k] > 0.0) != (e < 0.0) || (one[k] < 0.0) != (e > 0.0)) return 0;
     }
-    for (int i = 0; i < n; i++) {
-        const double e = h->c + h->a * x[i] + h->b * y[i];
-        if (e >= TEG_ON_LINE) return 0;
-        ends += e > -TEG_ON_LINE;
-    }
-    return ends > 1;
+    teg_on_corners(h->c, h->a, h->b, piece->x, piece->y, d);
+    near = teg_on_line(d) & ((1u << piece->n) - 1);
+    return (near & (near - 1)) && teg_below_level(d, TEG_ON_LINE) == (1u << TEG_PIECE) - 1;
 }
 
 //: teg_in_front
@@ -108,32 +108,17 @@ static int teg_in_front(const teg_arrangement *r, const teg_region *region)
 }
 
 //: teg_one_part
-/* Clip the square, which is in the pool, by the lines of a region; returns the number of corners, 0 where nothing is cut off, nothing is left,
-   or something may lie on a side. `d` has the values of its corners on the first line. */
-static int teg_one_part(teg_arrangement *r, const teg_region *region, double *d)
+/* The part of the square on a region. Returns 0 where nothing is cut off, nothing is left, or a corner lies on a line. */
+static int teg_one_part(const teg_arrangement *r, const teg_region *region, teg_piece *piece)
 {
-    static const double x[4] = {0.0, 1.0, 1.0, 0.0}, y[4] = {0.0, 0.0, 1.0, 1.0};
-    static const int label[4] = {4, 2, 6, 0};
-    int n = 4, cut = 0;
-    for (int i = 0; i < 4; i++) r->x[i] = x[i], r->y[i] = y[i], r->label[i] = label[i];
+    int cut = 0;
+    *piece = teg_square;
     for (int line = region->first; line < region->end; line++) {
-        const teg_line *const g = r->lines + line;
-        int above = 0, below = 0;
-        if (!teg_room_in_scratch(r, (size_t)n + 2)) return 0;
-        for (int i = 0; i < n; i++) {
-            const double e = g->c + g->a * r->x[i] + g->b * r->y[i];
-            r->d[i] = fabs(e) < TEG_ON_LINE ? 0.0 : e;
-            above += r->d[i] > 0.0, below += r->d[i] < 0.0;
-        }
-        if (line == region->first)
-            for (int i = 0; i < 4; i++) d[i] = r->d[i];
-        if (!above || (!below && n - above > 1)) return 0;
-        if (!below) continue;
-        n = teg_half(n, r->x, r->y, r->label, r->d, 1.0, 2 * line, r->px, r->py, r->pl);
-        for (int i = 0; i < n; i++) r->x[i] = r->px[i], r->y[i] = r->py[i], r->label[i] = r->pl[i];
-        cut = 1;
+        const int state = teg_trim(piece, r->lines[line].c, r->lines[line].a, r->lines[line].b, 2 * line);
+        if (state > TEG_PART) return 0;
+        cut |= state == TEG_PART;
     }
-    return cut ? n : 0;
+    return cut;
 }
 
 //: teg_two_parts
@@ -145,17 +130,16 @@ static int teg_two_parts(teg_kept *kept, const double *otherwise)
     const teg_shape *const s = TEG_SHAPE(r->shape);
     const teg_region *const first = r->regions;
     const int two = r->region_count == 2;
-    double d[4];
-    int n;
+    teg_piece piece;
     if (r->region_count < 1 || r->region_count > 2 || first->end - first->first > 8 || (two && (r->base >= 0 || r->line_count != 6))) return 0;
     if (two && first->end - first->first != 1) return 0;
     teg_sort_regions(r->regions, r->region_count);
     kept->other = two ? r->regions[1].region : r->base;
     if (two && kept->other / s->parts == first->region / s->parts) return 0;
     if (!teg_in_front(r, first) || !teg_is_known(s, teg_polynomials(r, kept->other, otherwise))) return 0;
-    n = teg_one_part(r, first, d);
-    if (!n || (two && !teg_is_opposite(r->lines + r->regions[1].first, d, n, r->x, r->y))) return 0;
-    teg_new_cell(r, first->region, 0, n);
+    if (!teg_one_part(r, first, &piece)) return 0;
+    if (two && !teg_is_opposite(r->lines + r->regions[1].first, r->lines + first->first, &piece)) return 0;
+    teg_cell_of(r, &piece, first->region);
     kept->state = TEG_TWO_PARTS;
     return 1;
 }
@@ -193,7 +177,7 @@ static void teg_keep_tables(teg_kept *kept, const double *otherwise, double *val
     if (r->ambiguous) teg_no_slopes(s, r->n, kept->tables);
     for (int64_t row = 0; row <= r->n; row++) {
         for (int j = 0; j < count; j++) moments[row * count + j] = kept->tables[row * (forms + count) + forms + j];
-        seen[row] = 1;
+        seen[row] = 3;
     }
 }
 
@@ -209,15 +193,16 @@ TEG_APART int teg_keep_several(teg_kept *kept, const teg_shape *shape, int64_t n
     for (int64_t k = 0; k < (n + 1) * count; k++) moments[k] = 0.0;
     for (int64_t k = 0; k <= n; k++) seen[k] = 0;
     teg_begin(&kept->room, s, n, rows);
-    kept->state = TEG_CELLS, kept->tables = NULL;
+    kept->state = TEG_CELLS, kept->known = 1, kept->tables = NULL;
     teg_select(r, NULL, n * s->parts);
     if (!r->undefined && !r->failed) {
         if (teg_is_tiled(r, 0, r->region_count)) teg_keep_tables(kept, otherwise, values, moments, seen);
-        else if (teg_two_parts(kept, otherwise)) teg_values(r, kept->other, otherwise, values, moments, seen);
-        else if (teg_has_signs(kept, otherwise)) teg_values(r, r->base, otherwise, values, moments, seen);
+        else if (teg_two_parts(kept, otherwise)) teg_values(r, kept->other, 1, otherwise, values, moments, seen);
+        else if (teg_has_signs(kept, otherwise)) teg_values(r, r->base, 1, otherwise, values, moments, seen);
         else {
-            if (r->region_count) teg_arrange(r);
-            if (!r->failed) teg_values(r, r->base, otherwise, values, moments, seen);
+            kept->known = teg_is_known(s, teg_polynomials(r, r->base, otherwise));
+            if (r->region_count) teg_arrange(r, kept->known);
+            if (!r->failed) teg_values(r, r->base, kept->known, otherwise, values, moments, seen);
             if (!r->failed && r->touching) teg_keep_tables(kept, otherwise, values, moments, seen);
         }
     }
@@ -225,12 +210,13 @@ TEG_APART int teg_keep_several(teg_kept *kept, const teg_shape *shape, int64_t n
     kept->state = TEG_UNDEFINED;
     teg_fill(values, s->bodies, NAN);
     for (int64_t k = 0; k < (n + 1) * count; k++) moments[k] = NAN;
-    for (int64_t k = 0; k <= n; k++) seen[k] = 1;
+    for (int64_t k = 0; k <= n; k++) seen[k] = 3;
     return r->failed;
 }
 
 //: teg_keep_cells
-/* Values of n candidates, moments of these and of what is outside of all, and which of both are seen. Returns 1 without memory, else 0. */
+/* Values of n candidates, moments of these and of what is outside of all, and which of both are seen: 1 (3 with derivatives by forms).
+   Returns 1 without memory, else 0. */
 static inline int teg_keep_cells(teg_kept *kept, const teg_shape *shape, int64_t n, const double *rows, const double *otherwise, double *values,
     double *moments, unsigned char *seen)
 {
@@ -261,13 +247,30 @@ static void teg_combined(int64_t rows, int tables, const double *const *of, cons
         }
 }
 
+//: teg_give
+/* Add integrals along an edge to the derivatives by the forms of its line. */
+static inline void teg_give(const teg_arrangement *r, const teg_line *line, const double *sums, double *table, unsigned char *seen)
+{
+    const int forms = teg_forms(TEG_SHAPE(r->shape));
+    if (line->plus >= 0) {
+        double *const to = table + line->plus * forms + line->column;
+        to[0] += sums[0], to[1] += sums[1], to[2] += sums[2];
+        seen[line->plus] = 3;
+    }
+    if (line->minus >= 0) {
+        double *const to = table + line->minus * forms + line->column;
+        to[0] -= sums[0], to[1] -= sums[1], to[2] -= sums[2];
+        seen[line->minus] = 3;
+    }
+}
+
 //: teg_along_edge
 /* Add the integral of a polynomial times 1, u, v along a part of an edge (x, y) + t (dx, dy) to the derivatives by the forms of its line. */
 static inline void teg_along_edge(const teg_arrangement *r, const teg_line *line, const double *edge, const double *part, double scale,
     const double *f, double *table, unsigned char *seen)
 {
     const teg_shape *const s = TEG_SHAPE(r->shape);
-    const int count = teg_coefficients(s), forms = teg_forms(s);
+    const int count = teg_coefficients(s);
     double sums[3] = {0.0, 0.0, 0.0}, at[TEG_MONOMIALS];
     for (int point = 0; point < s->points; point++) {
         const double t = part[0] + s->gauss[2 * point] * (part[1] - part[0]), x = edge[0] + t * edge[2], y = edge[1] + t * edge[3];
@@ -277,40 +280,79 @@ static inline void teg_along_edge(const teg_arrangement *r, const teg_line *line
         value *= scale * s->gauss[2 * point + 1];
         sums[0] += value, sums[1] += value * x, sums[2] += value * y;
     }
-    if (line->plus >= 0) {
-        double *const to = table + line->plus * forms + line->column;
-        to[0] += sums[0], to[1] += sums[1], to[2] += sums[2];
-        seen[line->plus] = 1;
+    teg_give(r, line, sums, table, seen);
+}
+
+//: teg_around_edge
+/* Add what an edge of a cell gives to the derivatives by forms, f being the difference of the polynomials on both sides. */
+static void teg_around_edge(const teg_arrangement *r, const teg_cell *cell, int i, const double *f, double *table, unsigned char *seen)
+{
+    const int label = r->label[cell->at + i], j = i + 1 == cell->n ? 0 : i + 1;
+    const double x = r->x[cell->at + i], y = r->y[cell->at + i];
+    const double edge[4] = {x, y, r->x[cell->at + j] - x, r->y[cell->at + j] - y};
+    const double length = sqrt(edge[2] * edge[2] + edge[3] * edge[3]) * (label & 1 ? -1.0 : 1.0);
+    double part[2] = {0.0, 1.0}, sign;
+    int share;
+    if (r->lines[label >> 1].twin < 0) {
+        teg_along_edge(r, r->lines + (label >> 1), edge, part, length / r->lines[label >> 1].size, f, table, seen);
+        return;
     }
-    if (line->minus >= 0) {
-        double *const to = table + line->minus * forms + line->column;
-        to[0] -= sums[0], to[1] -= sums[1], to[2] -= sums[2];
-        seen[line->minus] = 1;
+    part[0] = part[1] = -1.0;
+    while (teg_next_share(r, label >> 1, edge, part, &share, &sign)) {
+        const teg_line *const line = r->lines + share;
+        teg_along_edge(r, line, edge, part, sign * length * (part[1] - part[0]) / line->size, f, table, seen);
     }
 }
 
+//: teg_around_piece
+/* The same for all edges of a piece, which are computed side by side. Returns 0 where that is not to be had. */
+static inline int teg_around_piece(const teg_arrangement *r, const teg_cell *cell, const double *f, double *table, unsigned char *seen)
+{
+#if TEG_WIDE == 8
+    const teg_shape *const s = TEG_SHAPE(r->shape);
+    const __m512i behind = _mm512_setr_epi64(1, 2, 3, 4, 5, 6, 7, 0);
+    const int *const label = r->label + cell->at;
+    const __m512d x = _mm512_loadu_pd(r->x + cell->at), y = _mm512_loadu_pd(r->y + cell->at);
+    const __m512d dx = _mm512_permutexvar_pd(behind, x) - x, dy = _mm512_permutexvar_pd(behind, y) - y;
+    const __m512d length = _mm512_sqrt_pd(dx * dx + dy * dy);
+    __m512d sums[3] = {_mm512_setzero_pd(), _mm512_setzero_pd(), _mm512_setzero_pd()}, at[TEG_MONOMIALS];
+    double all[3][TEG_PIECE];
+    for (int point = 0; point < s->points; point++) {
+        const __m512d t = _mm512_set1_pd(s->gauss[2 * point]), px = x + t * dx, py = y + t * dy;
+        __m512d value = _mm512_set1_pd(f[0]);
+        at[0] = _mm512_set1_pd(1.0);
+        for (int total = 1, k = 1, before = 0; total <= s->degree; before += total, total++)
+            for (int j = 0; j <= total; j++, k++) {
+                at[k] = j < total ? at[before + j] * px : at[before + j - 1] * py;
+                value += _mm512_set1_pd(f[k]) * at[k];
+            }
+        value *= length * _mm512_set1_pd(s->gauss[2 * point + 1]);
+        sums[0] += value, sums[1] += value * px, sums[2] += value * py;
+    }
+    for (int k = 0; k < 3; k++) _mm512_storeu_pd(all[k], sums[k]);
+    for (unsigned own = _mm256_cmp_epi32_mask(_mm256_loadu_si256((const void *)label), _mm256_set1_epi32(8), _MM_CMPINT_NLT); own; own &= own - 1) {
+        const int i = teg_lowest_bit(own);
+        const teg_line *const line = r->lines + (label[i] >> 1);
+        if (line->twin < 0) {
+            const double scale = (label[i] & 1 ? -1.0 : 1.0) / line->size, own_sums[3] = {scale * all[0][i], scale * all[1][i], scale * all[2][i]};
+            teg_give(r, line, own_sums, table, seen);
+        } else
+            teg_around_edge(r, cell, i, f, table, seen);
+    }
+    return 1;
+#else
+    (void)r, (void)cell, (void)f, (void)table, (void)seen;
+    return 0;
+#endif
+}
+
 //: teg_around
-/* Add what the edges of a cell give to the derivatives by forms, f being the difference of the polynomials on both sides. */
+/* The same for all edges of a cell. */
 static void teg_around(const teg_arrangement *r, const teg_cell *cell, const double *f, double *table, unsigned char *seen)
 {
-    for (int i = 0; i < cell->n; i++) {
-        const int label = r->label[cell->at + i], j = i + 1 == cell->n ? 0 : i + 1;
-        const double x = r->x[cell->at + i], y = r->y[cell->at + i];
-        const double edge[4] = {x, y, r->x[cell->at + j] - x, r->y[cell->at + j] - y};
-        double part[2] = {0.0, 1.0}, sign, length;
-        int share;
-        if (label < 8) continue;
-        length = sqrt(edge[2] * edge[2] + edge[3] * edge[3]) * (label & 1 ? -1.0 : 1.0);
-        if (r->lines[label >> 1].twin < 0) {
-            teg_along_edge(r, r->lines + (label >> 1), edge, part, length / r->lines[label >> 1].size, f, table, seen);
-            continue;
-        }
-        part[0] = part[1] = -1.0;
-        while (teg_next_share(r, label >> 1, edge, part, &share, &sign)) {
-            const teg_line *const line = r->lines + share;
-            teg_along_edge(r, line, edge, part, sign * length * (part[1] - part[0]) / line->size, f, table, seen);
-        }
-    }
+    if (cell->n <= TEG_PIECE && teg_around_piece(r, cell, f, table, seen)) return;
+    for (int i = 0; i < cell->n; i++)
+        if (r->label[cell->at + i] >= 8) teg_around_edge(r, cell, i, f, table, seen);
 }
 
 //: teg_pull_cells
@@ -321,8 +363,7 @@ TEG_APART int teg_pull_cells(teg_kept *kept, const double *otherwise, const doub
     const teg_shape *const s = TEG_SHAPE(r->shape);
     const int forms = teg_forms(s), count = teg_coefficients(s);
     const int64_t other = kept->state == TEG_TWO_PARTS ? kept->other : r->base;
-    const double *base;
-    int known;
+    const double *const base = teg_polynomials(r, other, otherwise);
     for (int64_t k = 0; k < (r->n + 1) * forms; k++) table[k] = kept->state == TEG_UNDEFINED ? NAN : 0.0;
     if (kept->state == TEG_UNDEFINED) return 0;
     if (r->failed) return 1;
@@ -337,21 +378,20 @@ TEG_APART int teg_pull_cells(teg_kept *kept, const double *otherwise, const doub
     if (!r->region_count || (r->cell_count == 1 && r->cells[0].owner == r->base)) return 0;
     if (r->ambiguous) {
         teg_fill(table, (int)(r->n + 1) * forms, NAN);
-        memset(seen, 1, (size_t)r->n + 1);
+        memset(seen, 3, (size_t)r->n + 1);
         return 0;
     }
     if (kept->state == TEG_CELLS) teg_find_twins(r);
     if (r->failed) return 1;
-    base = teg_polynomials(r, other, otherwise), known = teg_is_known(s, base);
     for (size_t k = 0; k < r->cell_count; k++) {
         const teg_cell *const cell = r->cells + k;
         const double *const own = teg_polynomials(r, cell->owner, otherwise);
         double f[TEG_MONOMIALS];
-        if (known && cell->owner == other) continue;
+        if (kept->known && cell->owner == other) continue;
         for (int j = 0; j < count; j++) f[j] = 0.0;
         for (int body = 0; body < s->bodies; body++)
             for (int j = 0; j < count; j++) {
-                const double jump = own[body * count + j] - (known ? base[body * count + j] : 0.0);
+                const double jump = own[body * count + j] - (kept->known ? base[body * count + j] : 0.0);
                 if (jump != 0.0) f[j] += cell->weight * weights[body] * jump;
             }
         teg_around(r, cell, f, table, seen);

@@ -1,45 +1,24 @@
 /* Cells with signs: where few candidates are in a square, and no three of them lie over one another, the part of a candidate that is seen is
    its part of the square without what others hide, and integrals over it are differences. Nothing is cut that is no border. */
 
-//: teg_piece
-/* A convex polygon of few corners; `label` as those of cells. */
-typedef struct {
-    int n, label[TEG_PIECE];
-    double x[TEG_PIECE], y[TEG_PIECE];
-} teg_piece;
-
 //: teg_trim
 enum { TEG_WHOLE, TEG_PART, TEG_NOTHING, TEG_UNCLEAR };
 
-/* What is left of a piece where c + a u + b v >= 0, its new edge with this label; TEG_UNCLEAR (and any piece) where a corner lies on the line.
-   The corners that are left follow each other: one edge leads to them, and one away. */
+/* What is left of a piece where c + a u + b v >= 0, its new edge with this label; TEG_UNCLEAR (and any piece) where a corner lies on the
+   line. */
 static inline int teg_trim(teg_piece *piece, double c, double a, double b, int label)
 {
-    const int n = piece->n;
-    double x[TEG_PIECE], y[TEG_PIECE], d[TEG_PIECE], t;
-    int labels[TEG_PIECE], i, k, kept = 1;
-    unsigned below = 0, near = 0, first;
-    for (k = 0; k < n; k++) {
-        x[k] = piece->x[k], y[k] = piece->y[k], labels[k] = piece->label[k], d[k] = c + a * x[k] + b * y[k];
-        below |= (unsigned)(d[k] < 0.0) << k, near |= (unsigned)(fabs(d[k]) < TEG_ON_LINE) << k;
-    }
-    if (near) return TEG_UNCLEAR;
+    double d[TEG_PIECE];
+    unsigned below;
+    int n;
+    teg_on_corners(c, a, b, piece->x, piece->y, d);
+    below = teg_below_level(d, 0.0);
+    if (teg_on_line(d)) return TEG_UNCLEAR;
     if (!below) return TEG_WHOLE;
-    if (below == (1u << n) - 1) return TEG_NOTHING;
-    first = (below << 1 | below >> (n - 1)) & ~below & ((1u << n) - 1); /* the corner before is below */
-    if (first & (first - 1) || n + 1 > TEG_PIECE) return TEG_UNCLEAR;
-    for (k = 0; !(first >> k & 1);) k++;
-    i = k ? k - 1 : n - 1;
-    t = d[i] / (d[i] - d[k]);
-    piece->x[0] = x[i] + t * (x[k] - x[i]), piece->y[0] = y[i] + t * (y[k] - y[i]), piece->label[0] = labels[i];
-    for (; !(below >> k & 1); kept++) {
-        piece->x[kept] = x[k], piece->y[kept] = y[k], piece->label[kept] = labels[k];
-        i = k, k = k + 1 == n ? 0 : k + 1;
-    }
-    t = d[i] / (d[i] - d[k]);
-    piece->x[kept] = x[i] + t * (x[k] - x[i]), piece->y[kept] = y[i] + t * (y[k] - y[i]), piece->label[kept] = label;
-    piece->n = kept + 1;
-    return TEG_PART;
+    if (below == (1u << TEG_PIECE) - 1) return TEG_NOTHING;
+    n = teg_part(piece->n, piece->x, piece->y, piece->label, d, 1, label, piece->x, piece->y, piece->label);
+    if (n) piece->n = n;
+    return n ? TEG_PART : TEG_UNCLEAR;
 }
 
 //: teg_pieces
@@ -75,33 +54,52 @@ static int teg_cut_by_region(const teg_arrangement *r, const teg_region *region,
 /* Whether a difference of keys is above 0 at all corners of a piece (1), below 0 (-1), both (0), or it is not clear (2). */
 static int teg_which_side(const teg_piece *piece, const double *g, double tolerance)
 {
-    double most = -INFINITY, least = INFINITY;
-    for (int i = 0; i < piece->n; i++) {
-        const double d = g[0] + g[1] * piece->x[i] + g[2] * piece->y[i];
-        most = teg_most_of(d, most), least = teg_least_of(d, least);
-    }
-    if (least > tolerance) return 1;
-    if (most < -tolerance) return -1;
-    return most > tolerance && least < -tolerance ? 0 : 2;
+    const unsigned all = (1u << TEG_PIECE) - 1;
+    double d[TEG_PIECE];
+    unsigned above, below;
+    teg_on_corners(g[0], g[1], g[2], piece->x, piece->y, d);
+    above = teg_above_level(d, tolerance), below = teg_below_level(d, -tolerance);
+    if (above == all) return 1;
+    if (below == all) return -1;
+    return above && below ? 0 : 2;
 }
 
-//: teg_piece_of
-/* Make the part of the square of a region, and the line on which its key is the base's if there is one there; it has no part where it is behind
-   the base. Returns 0 where it is not clear. */
-static int teg_piece_of(teg_arrangement *r, const teg_region *region, teg_pieces *all, int at)
+//: teg_cut_pieces
+/* Make the parts of the square of all regions. They are cut in turn, since each cut waits for the one before. Returns 0 where it is not
+   clear. */
+static int teg_cut_pieces(const teg_arrangement *r, teg_pieces *all)
 {
-    static const teg_piece square = {4, {4, 2, 6, 0}, {0.0, 1.0, 1.0, 0.0}, {0.0, 0.0, 1.0, 1.0}};
-    teg_piece *const piece = all->of + at;
+    const int count = (int)r->region_count;
+    int more = 1;
+    for (int k = 0; k < count; k++) all->of[k] = teg_square;
+    for (int turn = 0; more; turn++) {
+        more = 0;
+        for (int k = 0; k < count; k++) {
+            const int line = r->regions[k].first + turn;
+            int state;
+            if (line >= r->regions[k].end || !all->of[k].n) continue;
+            state = teg_cut_by_line(r, line, all->label[line], all->of + k);
+            if (state == TEG_UNCLEAR) return 0;
+            if (state == TEG_NOTHING) all->of[k].n = 0;
+            more = 1;
+        }
+    }
+    return 1;
+}
+
+//: teg_is_seen
+/* Find the line on which the key of a region is the base's, if there is one on its part; it has no part where it is behind the base. Returns
+   0 where it is not clear. */
+static int teg_is_seen(teg_arrangement *r, const teg_region *region, teg_pieces *all, int at)
+{
     double g[3], tolerance;
     int state;
-    *piece = square, all->key[at] = -1, all->over[at] = 0;
-    state = teg_cut_by_region(r, region, all->label, piece);
-    if (state == TEG_NOTHING) piece->n = 0;
-    if (state == TEG_UNCLEAR || state == TEG_NOTHING || r->base < 0) return state != TEG_UNCLEAR;
+    all->key[at] = -1, all->over[at] = 0;
+    if (!all->of[at].n || r->base < 0) return 1;
     tolerance = teg_key_difference(r, r->base, region->region, g);
     tolerance = teg_key_tolerance(g, tolerance);
-    state = teg_which_side(piece, g, tolerance);
-    if (state == -1) piece->n = 0;
+    state = teg_which_side(all->of + at, g, tolerance);
+    if (state == -1) all->of[at].n = 0;
     if (!state) all->key[at] = teg_key_line(r, r->base, region->region, g);
     return state != 2 && !r->failed;
 }
@@ -112,9 +110,9 @@ static inline int teg_is_beyond(const teg_arrangement *r, const teg_region *regi
 {
     for (int k = region->first; k < region->end; k++) {
         const teg_line *const g = r->lines + k;
-        int on = 0;
-        for (int i = 0; i < piece->n; i++) on |= g->c + g->a * piece->x[i] + g->b * piece->y[i] >= TEG_ON_LINE;
-        if (!on) return 1;
+        double d[TEG_PIECE];
+        teg_on_corners(g->c, g->a, g->b, piece->x, piece->y, d);
+        if (teg_below_level(d, TEG_ON_LINE) == (1u << TEG_PIECE) - 1) return 1;
     }
     return 0;
 }
@@ -167,11 +165,13 @@ static int teg_share_edges(const teg_arrangement *r, int near, int far, teg_piec
 /* Whether the keys of two regions are equal along a side of the square and not elsewhere. */
 static inline int teg_tie_on_side(const teg_arrangement *r, int64_t one, int64_t two)
 {
-    double g[3], tolerance = teg_key_difference(r, one, two, g);
+    double g[3], size = teg_key_difference(r, one, two, g), tolerance = TEG_ON_LINE * (fabs(g[1]) + fabs(g[2])) + TEG_KEY_ROUNDING * size;
+    const double corners[4] = {fabs(g[0]), fabs(g[0] + g[1]), fabs(g[0] + g[2]), fabs(g[0] + g[1] + g[2])};
     int equal = 0;
-    tolerance = teg_key_tolerance(g, tolerance);
-    equal += fabs(g[0]) <= tolerance, equal += fabs(g[0] + g[1]) <= tolerance;
-    equal += fabs(g[0] + g[2]) <= tolerance, equal += fabs(g[0] + g[1] + g[2]) <= tolerance;
+    for (int k = 0; k < 4; k++) equal += corners[k] <= tolerance;
+    if (equal < 2) return 0; /* nor are there two by the exact tolerance, which is less */
+    tolerance = teg_key_tolerance(g, size), equal = 0;
+    for (int k = 0; k < 4; k++) equal += corners[k] <= tolerance;
     return equal > 1 && equal < 4;
 }
 
@@ -179,9 +179,7 @@ static inline int teg_tie_on_side(const teg_arrangement *r, int64_t one, int64_t
 /* One more cell, that of a piece; `hides` is the number of the region that hides it, or -1. */
 static void teg_signed_cell(teg_arrangement *r, const teg_piece *piece, int region, int hides)
 {
-    if (!teg_room_in_pool(r, (size_t)piece->n)) return;
-    for (int i = 0; i < piece->n; i++) r->x[r->used + i] = piece->x[i], r->y[r->used + i] = piece->y[i], r->label[r->used + i] = piece->label[i];
-    teg_new_cell(r, r->regions[region].region, 0, piece->n);
+    teg_cell_of(r, piece, r->regions[region].region);
     if (r->failed) return;
     r->cells[r->cell_count - 1].weight = hides < 0 ? 1.0 : -1.0;
     r->cells[r->cell_count - 1].sides[0] = region, r->cells[r->cell_count - 1].sides[1] = hides;
@@ -282,8 +280,9 @@ static int teg_sign_cells(teg_arrangement *r, const double *otherwise)
     teg_sort_regions(r->regions, r->region_count);
     all.lent = all.hidden = 0;
     for (int k = 0; k < (int)r->line_count; k++) all.label[k] = 2 * k;
+    if (!teg_cut_pieces(r, &all)) return 0;
     for (int k = 0; k < count; k++)
-        if (!teg_piece_of(r, r->regions + k, &all, k)) return 0;
+        if (!teg_is_seen(r, r->regions + k, &all, k)) return 0;
     for (int far = 1; far < count; far++)
         for (int near = 0; near < far; near++) {
             if (!all.of[near].n || !all.of[far].n) continue;

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import teg
+from teg.backends.c.build import NATIVE
 from teg.backends.c.kernel import print_kernel
 from teg.backends.c.standalone import standalone_c
 from teg.backends.c.text import literal
@@ -83,10 +84,10 @@ def test_every_kind_of_statement_is_among_them() -> None:
     assert missing <= extra
 
 
-def runs_cleanly(folder: Path) -> None:
+def runs_cleanly(folder: Path, *flags: str) -> None:
     """main.c with scene.c returns 0 under the sanitizers, which say nothing; the test is skipped where the compiler has none."""
     try:
-        _compile(folder, *SANITIZERS, "main.c", "scene.c", "-o", "main", "-lm")
+        _compile(folder, *SANITIZERS, *flags, "main.c", "scene.c", "-o", "main", "-lm")
     except subprocess.CalledProcessError:
         _compile(folder, "-std=c99", "main.c", "scene.c", "-o", "main", "-lm")
         pytest.skip("the compiler has no sanitizers")
@@ -94,8 +95,8 @@ def runs_cleanly(folder: Path) -> None:
     assert (done.returncode, done.stderr) == (0, "")
 
 
-@pytest.mark.parametrize("name", [*SCENES, *LOOPS])
-def test_scenes(name: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("name", "flags"), [*((name, ()) for name in [*SCENES, *LOOPS]), *((name, (NATIVE,)) for name in LOOPS)])
+def test_scenes(name: str, flags: tuple[str, ...], tmp_path: Path) -> None:
     """Value and gradient at ordinary points, at ties, far away, at NaN and infinity; every byte that is read was written, and nothing
     behind the ends of the arrays is touched: they are of the exact size, on the heap."""
     whole = program_of(name)
@@ -141,7 +142,7 @@ int main(void)
 }}
 """)
     assert outputs > 1
-    runs_cleanly(tmp_path)
+    runs_cleanly(tmp_path, *flags)
 
 
 def test_programs_of_all_statements(tmp_path: Path) -> None:
