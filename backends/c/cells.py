@@ -158,6 +158,12 @@ class CellPrinter(ABC):
         at = cells.results[0]
         return [f"if ({at}_rows && !{at}_seen[{row} - {spelled(cells.lo)}]) continue;"] if kept else []
 
+    def _has_no_edges(self, table: str, row: str) -> str:
+        """Returns the condition that a candidate that is seen has no edges, in a table of derivatives of cells that are kept."""
+        cells = self.sources[table].cells
+        at = cells.results[0]
+        return f"{at}_rows && {at}_seen[{row} - {spelled(cells.lo)}] == 1"
+
     def _derivative(self, step: Take) -> str:
         """Returns a number of a table of derivatives."""
         cells, columns, kept = self.sources[step.table]

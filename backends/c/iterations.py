@@ -167,8 +167,9 @@ class IterationPrinter(StepPrinter):
             return self._side_by_side(step, only, lo, hi, depth)
         if (rows := rows_of(step, self.idle)) and (run := self._spanned(step, rows.row)):
             return self._rows_side_by_side(step, rows, run, lo, hi, depth)
-        inside = [*self._skipped(step), "if (teg_stopped(pace)) break;"]
-        inside += [*self._block(step.body, depth, decisive(step)), *self._added(step)]
+        added = self._added(step)
+        inside = [*self._skipped(step), "if (teg_stopped(pace)) break;", *self._without_edges(step, depth, added)]
+        inside += [*self._block(step.body, depth, decisive(step)), *added]
         return [f"for (int64_t {step.index} = {lo}; {step.index} < {hi}; {step.index}++) {{", *indent(*inside), "}"]
 
     def _spanned(self, step: Loop, row: Loop) -> Run | None:

@@ -34,6 +34,8 @@ from teg.program.arrays import (
     Step,
     Take,
 )
+from teg.program.fields import operands
+from teg.program.vanishing import FLAT, with_zeros
 
 
 class StepPrinter(CellPrinter):
@@ -46,6 +48,7 @@ class StepPrinter(CellPrinter):
         self.routines: dict[int, Routine] = {}
         self.copied: frozenset[int | str] = frozenset()  # the outputs and tables of which the chunk that is printed has a copy
         self.idle: set[int] = set()  # the flat programs that only points in queues needed, which compute them again
+        self.by_moments: list[tuple[Step, ...]] = []  # iterations of loops over candidates without edges, and their flat programs
         self.telling: set[int] = set()  # the flat programs that return whether their branch is taken
 
     @abstractmethod
@@ -220,6 +223,21 @@ class StepPrinter(CellPrinter):
         if isinstance(loop, SeenLoop):
             return self._unseen(loop.table, loop.index)
         return [f"if (!{loop.index}_listed || !{loop.index}_listed[{loop.index}]) continue;"] if loop.listed >= 0 else []
+
+    def _without_edges(self, loop: Loop, depth: int, ends: Sequence[str]) -> list[str]:
+        """Returns lines that do an iteration for a candidate that has no edges: all derivatives by its forms are 0."""
+        if not isinstance(loop, SeenLoop) or not self.sources[loop.table].kept or not all(isinstance(s, FLAT) for s in loop.body):
+            return []
+        forms = self.sources[loop.table].columns
+        taken = [s for s in loop.body if isinstance(s, Take) and (s.table, s.row) == (loop.table, loop.index)]
+        body = with_zeros(loop.body, {s.name for s in taken if s.column < forms})
+        runs = ([s for s in steps if isinstance(s, Run)] for steps in (loop.body, body))
+        self.routines |= {id(run): self.routines[id(old)] for old, run in zip(*runs, strict=True)}
+        self.by_moments.append(body)  # keeps what `routines` knows by its identity
+        read = {a for s in body for a in operands(s)} | set(loop.values)
+        unread = [f"(void){name};" for s in body if isinstance(s, Run) for name in s.results if name not in read]
+        lines = [*self._block(body, depth), *packed(unread), *ends, "continue;"]
+        return [f"if ({self._has_no_edges(loop.table, loop.index)}) {{", *indent(*lines), "}"]
 
 
 def target_of(to: int | str) -> Target:
