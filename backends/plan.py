@@ -63,12 +63,16 @@ def _settled(
     spans: dict[tuple[int, Arg], Interval] = {}
     columns: dict[int, list[Interval]] = {}
     entries_of: dict[Arg, Integers] = {}
+    ordered: dict[tuple[Integers | None, Integers | None], bool] = {}
     tables = _tables(program)
-    for step in steps(program.body):
+    for step in program.subscripted:
         match step:
             case Loop():
                 (least, most), end = of(step.lo), of(step.hi)
-                if end[0] < most and not _are_ranges(entries_of.get(step.lo), entries_of.get(step.hi), arrays):
+                pair = entries_of.get(step.lo), entries_of.get(step.hi)
+                if end[0] < most and pair not in ordered:
+                    ordered[pair] = _are_ranges(*pair, arrays)
+                if end[0] < most and not ordered[pair]:
                     return False
                 if not _has_room((end[0] - most, end[1] - least)):
                     return False

@@ -33,6 +33,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Annotated
 
 from teg.numerics.cells import Layout
@@ -228,7 +229,7 @@ class ArraySpec:
     integers: bool
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class ArrayProgram:
     """Scalar parameters and arrays in order, steps, and outputs: a name or literal for a number, or an array that is scattered
     into."""
@@ -237,6 +238,23 @@ class ArrayProgram:
     arrays: tuple[ArraySpec, ...]
     body: tuple[Step, ...]
     outputs: tuple[Arg | Like, ...]
+
+    @cached_property
+    def subscripted(self) -> tuple[Step, ...]:
+        """Returns loops, integers, and one step for each place of an array or row of a table that is read or added to, in the order of the
+        program: what every call looks at."""
+        found: dict[object, Step] = {}
+        for step in steps(self.body):
+            match step:
+                case Loop() | Integers():
+                    found[id(step)] = step
+                case Load() | Scatter():
+                    found.setdefault((step.array, step.subscripts), step)
+                case Take() | AddTo():
+                    found.setdefault((step.table, step.row), step)
+                case _:
+                    pass
+        return tuple(found.values())
 
 
 def steps(block: tuple[Step, ...]) -> Iterator[Step]:
