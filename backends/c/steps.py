@@ -182,6 +182,7 @@ class StepPrinter(CellPrinter):
         freed = [f"free({other});" for other in self.widths]
         return [
             f"const int64_t {name}_size = {rows} * {columns};",
+            f"teg_reserve({name}_size);",
             f"double *const {name} = calloc((size_t){name}_size + 1, sizeof *{name});",
             f"if (!{name}) {{",
             *indent(*freed, "return -1;"),

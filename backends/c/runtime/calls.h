@@ -30,6 +30,15 @@ static inline void teg_ahead(const int64_t *list, int64_t count, int64_t at, con
 #endif
 }
 
+//: teg_reserve
+/* Keep memory for tables in the process: glibc gives blocks back to the system that are larger than the largest one which was freed before, so
+   that each of their pages is a fault in the next call. A block of four times the numbers, for the table and its copies, is freed at once. */
+static void teg_reserve(int64_t numbers)
+{
+    void *volatile const block = malloc(4 * (size_t)numbers * sizeof(double));
+    free(block);
+}
+
 //: teg_copies
 /* Copies of what chunks add to, `targets` arrays of these sizes. A copy has so many `numbers` and as many `bytes` of marks behind them; with
    one chunk it has marks only. Copies of chunks that are done wait in `finished` until all before are; `next` is the first that is not

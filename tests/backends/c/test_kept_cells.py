@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import itertools
+import platform
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -19,6 +20,7 @@ from teg.numerics.quadrature import gauss_legendre, triangle_rule
 from teg.program.arrays import Cells, Combined, SeenLoop, Take, steps
 from teg.program.interpreter.arrays import interpret_arrays
 from tests.backends.c.test_cells import SCENES, guards, keys
+from tests.bench.rasteriser import Ours, overlapping, waves
 
 Array = np.ndarray[Any, Any]
 ENTRY = """
@@ -299,3 +301,20 @@ def test_the_interpreter_says_the_same() -> None:
         for place, number in entries.items():
             whole[place] = number
         np.testing.assert_allclose(whole, slopes[name], rtol=0, atol=1e-12 * np.abs(whole).max())
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="other allocators have rules of their own")
+def test_memory_of_tables_stays_in_the_process() -> None:
+    """Calls after the first ones have no page faults for the rows of 20 000 triangles, which would be thousands."""
+    import resource
+
+    whole = overlapping(20_000, 64)
+    corners = whole.places.reshape(-1, 3, 2)
+    middles = corners.mean(axis=1, keepdims=True)
+    ours = Ours(whole._replace(places=(middles + 0.04 * (corners - middles)).reshape(-1, 2)), waves(64))
+    faults = []
+    for _ in range(4):
+        before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+        ours()
+        faults.append(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
+    assert min(faults[2:]) < 500, faults
