@@ -120,6 +120,16 @@ class CellPrinter(ABC):
             return f"{columns} * (size_t)({step.results[0]}_n + 1) + (size_t)({step.results[0]}_n + 8) / 8"
         return f"{columns} * (size_t)({step.results[0]}_n + 1)" if step.tables else "0"
 
+    def _outside(self, step: Cells) -> list[tuple[str, str]]:
+        """Returns the results of cells without candidates, and their values: those of `teg_whole`."""
+        moments = [literal(1.0 / ((u + 1) * (v + 1))) for u, v in monomials(step.shape.degree)]
+        each = [step.otherwise[j : j + len(moments)] for j in range(0, len(step.otherwise), len(moments))]
+        sums = [
+            " + ".join(f"{spelled(f) if isinstance(f, str) else literal(float(f))} * {m}" for f, m in zip(o, moments, strict=True))
+            for o in each
+        ]
+        return list(zip(step.results, sums, strict=True))
+
     def _held(self, block: Sequence[Step]) -> list[str]:
         """Returns lines that give back what cells of a block hold."""
         lines: list[str] = []

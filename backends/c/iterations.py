@@ -169,7 +169,11 @@ class IterationPrinter(StepPrinter):
             return self._rows_side_by_side(step, rows, run, lo, hi, depth)
         added = self._added(step)
         inside = [*self._skipped(step), "if (teg_stopped(pace)) break;", *self._without_edges(step, depth, added)]
-        inside += [*self._block(step.body, depth, decisive(step)), *added]
+        cut = next((k for k, s in enumerate(step.body) if isinstance(s, Cells)), 0)
+        if step.body and (shorter := self._without_candidates(step, cut, depth, added)):
+            inside += [*self._block(step.body[:cut], depth), *shorter, *self._block(step.body[cut:], depth), *added]
+        else:
+            inside += [*self._block(step.body, depth, decisive(step)), *added]
         return [f"for (int64_t {step.index} = {lo}; {step.index} < {hi}; {step.index}++) {{", *indent(*inside), "}"]
 
     def _spanned(self, step: Loop, row: Loop) -> Run | None:

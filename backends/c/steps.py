@@ -34,7 +34,7 @@ from teg.program.arrays import (
     Step,
     Take,
 )
-from teg.program.fields import operands
+from teg.program.fields import operands, result_names
 from teg.program.vanishing import FLAT, with_zeros
 
 
@@ -235,10 +235,35 @@ class StepPrinter(CellPrinter):
         runs = ([s for s in steps if isinstance(s, Run)] for steps in (loop.body, body))
         self.routines |= {id(run): self.routines[id(old)] for old, run in zip(*runs, strict=True)}
         self.by_moments.append(body)  # keeps what `routines` knows by its identity
-        read = {a for s in body for a in operands(s)} | set(loop.values)
-        unread = [f"(void){name};" for s in body if isinstance(s, Run) for name in s.results if name not in read]
-        lines = [*self._block(body, depth), *packed(unread), *ends, "continue;"]
+        lines = [*self._block(body, depth), *packed(_unread(body, loop.values)), *ends, "continue;"]
         return [f"if ({self._has_no_edges(loop.table, loop.index)}) {{", *indent(*lines), "}"]
+
+    def _without_candidates(self, loop: Loop, cut: int, depth: int, ends: Sequence[str]) -> list[str]:
+        """Returns lines that do the rest of an iteration, from its cells on, if there are no candidates: all that is taken from them are
+        integrals of what is outside."""
+        cells, rest = loop.body[cut], loop.body[cut + 1 :]
+        flat = [s for s in rest if isinstance(s, FLAT)]
+        over = [s for s in rest if isinstance(s, SeenLoop) and isinstance(cells, Cells) and (s.lo, s.hi) == (cells.lo, cells.hi)]
+        combined = [s for s in rest if isinstance(s, Combined)]
+        if not isinstance(cells, Cells) or not self._is_kept(cells) or len(flat) + len(over) + len(combined) < len(rest):
+            return []
+        if not {*cells.tables, *(s.table for s in combined)}.isdisjoint(s.table for s in flat if isinstance(s, Take)):
+            return []
+        live, body = set(loop.values), list[Step]()
+        for step in reversed(flat):
+            if isinstance(step, AddTo | Scatter) or not live.isdisjoint(result_names(step)):
+                live.update(operands(step))
+                body.insert(0, step)
+        given = [*self._outside(cells), *((r, "0.0") for s in over for r in s.results)]
+        numbers = packed([f"{name} = {value}" for name, value in given if name in live], "const double ", ", ", ";")
+        lines = [*numbers, *self._block(body, depth), *packed(_unread(body, loop.values)), *ends, "continue;"]
+        return [f"if ({spelled(cells.hi)} <= {spelled(cells.lo)}) {{", *indent(*lines), "}"]
+
+
+def _unread(body: Sequence[Step], values: Sequence[Arg]) -> list[str]:
+    """Returns lines that say that results of flat programs are not read."""
+    read = {a for s in body for a in operands(s)} | set(values)
+    return [f"(void){name};" for s in body if isinstance(s, Run) for name in s.results if name not in read]
 
 
 def target_of(to: int | str) -> Target:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import itertools
 import platform
+import re
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -301,6 +302,39 @@ def test_the_interpreter_says_the_same() -> None:
         for place, number in entries.items():
             whole[place] = number
         np.testing.assert_allclose(whole, slopes[name], rtol=0, atol=1e-12 * np.abs(whole).max())
+
+
+@pytest.mark.parametrize("outside", ["numbers", "a parameter", "a parameter that is differentiated"])
+def test_squares_without_candidates_are_computed_apart(outside: str) -> None:
+    """Lists of candidates, most of them empty; what is outside is known, given, or has derivatives, for which its moments are needed."""
+    x, y = teg.vars("x y")
+    V, R, L, T, B = teg.array("V", 2), teg.indices("R", 2), teg.indices("L"), teg.array("T", 2), teg.array("B")
+    i, j, k = teg.index("i"), teg.index("j"), teg.index("k")
+    inside = (x > V[L[k], 0]) & (y > V[L[k], 1]) & (x + y < V[L[k], 2])
+    otherwise = (0.25 - 0.5 * x, 1.0 * y) if outside == "numbers" else (B[0] + 0.5 * B[1] * x, B[1] - y)
+    seen = teg.nearest(
+        (V[L[k], 3] * x, V[L[k], 3] + y), V[L[k], 2] * x, (k, R[4 * i + j, 0], R[4 * i + j, 1]), where=inside, otherwise=otherwise
+    )
+    means = [teg.integral(c, (x, j, j + 1), (y, i, i + 1)) for c in seen]
+    loss = teg.sum((means[0] * means[1] - T[i, j]) ** 2, (j, 0, 4), (i, 0, 4))
+    wrt = [V, T, *([B] if "differentiated" in outside else [])]
+    random = np.random.default_rng(4)
+    counts = np.array([0, 2, 0, 0, 1, 0, 0, 0, 3, 0, 0, 0, 0, 0, 1, 0])
+    ends = np.cumsum(counts)
+    places = np.repeat(np.arange(16), counts)
+    corners = np.stack([places % 4, places // 4], axis=1) + random.uniform(-0.3, 0.3, (7, 2))
+    rows = np.column_stack([corners, corners.sum(axis=1) + random.uniform(0.7, 2.0, 7), random.normal(size=7)])
+    given = {"V": rows, "R": np.stack([ends - counts, ends], axis=1), "L": np.arange(7), "T": random.normal(size=(4, 4))}
+    given |= {} if outside == "numbers" else {"B": random.normal(size=2)}
+    compiled = {backend: teg.compile(loss, wrt, backend=backend) for backend in ("c", "numpy")}
+    results = {backend: f.value_and_grad(given) for backend, f in compiled.items()}
+    assert results["c"][0] == pytest.approx(results["numpy"][0], rel=1e-13)
+    for name, slope in results["numpy"][1].items():
+        np.testing.assert_allclose(results["c"][1][name], slope, rtol=0, atol=1e-12 * np.abs(slope).max())
+    apart = re.search(r"if \(i\d+ <= i\d+\) \{", compiled["c"].source) is not None
+    assert apart == ("differentiated" not in outside)
+    given["L"], given["R"] = given["L"][:0], np.zeros_like(given["R"])
+    assert compiled["c"](given) == pytest.approx(compiled["numpy"](given), rel=1e-14)
 
 
 @pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="other allocators have rules of their own")
