@@ -18,6 +18,7 @@ from jax import lax
 from teg.backends.jax.arrays import JAX
 from teg.backends.jax.guard import Guard
 from teg.backends.jax.runtime import MISSED, Note, OnPiece, Pieces, Scalar, integrate, union, where
+from teg.backends.jax.while_loops import while_loop
 from teg.backends.shared import rules
 from teg.backends.shared.bends import POWER, Bends, place
 from teg.numerics.quadrature import decay_power, gauss_legendre, null_rules
@@ -135,7 +136,7 @@ def _piece(how: _How, piece: OnPiece, _: Bends, active: Scalar) -> tuple[Any, No
         above=jnp.zeros((MAX_DEPTH + 1 if guard is not None else 0, pieces.tested)),
         seen=jnp.full((nodes.width * nodes.turns, columns), jnp.nan),
     )
-    end = lax.while_loop(lambda at: at.start < END, partial(_turned, how, piece), beginning)
+    end = while_loop(lambda at: at.start < END, partial(_turned, how, piece), beginning)
     overspent = jnp.any(end.spent > SPENT * rules.tolerated(jnp, how.tol, end.whole, end.whole))
     return end.sums, end.note | where(active & overspent, MISSED)
 

@@ -40,7 +40,7 @@ COSTLY = frozenset({
     "expm1", "log", "log1p", "logistic", "pow", "rsqrt", "sin", "sinh", "sqrt", "tan", "tanh",
 })  # fmt: skip
 """What is fused with its only user, and else computed once."""
-NESTED = frozenset(("while", "scan", "cond", "jit", "pjit", "custom_vmap_call"))
+NESTED = frozenset(("teg_while", "while", "scan", "cond", "jit", "pjit", "custom_vmap_call"))
 """Whose bodies are looked at too."""
 
 

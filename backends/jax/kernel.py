@@ -122,6 +122,7 @@ class JaxKernel:
             return self._once(1, arguments)
         jax = _import_jax()
         from teg.backends.jax.runtime import barrier
+        from teg.backends.jax.while_loops import while_loop
 
         jnp = jax.numpy
         given = [jnp.asarray(a, jnp.float64) for a in arguments]
@@ -134,7 +135,7 @@ class JaxKernel:
             return number + 1, both, note | noted
 
         beginning = jnp.int32(0), (jnp.float64(0.0),) * len(self.program.outputs), jnp.int32(0)
-        _, outputs, note = jax.lax.while_loop(lambda at: (at[0] == 0) | ((at[0] == 1) & (at[2] % 2 == 1)), turn, beginning)
+        _, outputs, note = while_loop(lambda at: (at[0] == 0) | ((at[0] == 1) & (at[2] % 2 == 1)), turn, beginning)
         return outputs, note
 
     def __call__(self, columns: Sequence[npt.NDArray[np.float64]], n: int) -> npt.NDArray[np.float64]:

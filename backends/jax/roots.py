@@ -15,6 +15,7 @@ from jax import lax
 
 from teg.backends.jax.entries import entries, stacked
 from teg.backends.jax.runtime import CROWDED, MISSED, Note, Scalar, barrier, union, vector, where
+from teg.backends.jax.while_loops import while_loop
 from teg.backends.shared.roots import Ends, Halving, examined, excluded, newton_step, next_halving, plane_step, refuted, touches
 from teg.program import (
     ISOLATE_DEPTH,
@@ -173,7 +174,7 @@ def _search(active: Scalar, p: Scalar, q: Scalar, enclosure: Block, point: Block
         places=_Places(*(jnp.zeros(room[0], kind) for kind in kinds)),
         note=jnp.int32(0),
     )
-    return lax.while_loop(lambda at: at.start < END, step, beginning)
+    return while_loop(lambda at: at.start < END, step, beginning)
 
 
 def _turning(at: _Search, values: Any) -> tuple[Scalar, _Newton]:
@@ -306,7 +307,7 @@ def _crossing(point: Block, active: Scalar, p: Scalar, q: Scalar, sign_q: Scalar
         values, note = vector(point(at.v))
         return at.stepped(values[0], values[1], sign_q > 0), noted | note
 
-    end, note = lax.while_loop(
+    end, note = while_loop(
         lambda carried: ~carried[0].done & (carried[0].steps < ISOLATE_STEPS), step, (_Newton.between(p, q, ~active), jnp.int32(0))
     )
     return end.v, note
@@ -427,7 +428,7 @@ def _levels(active: Scalar, origin: Any, extent: Any, bounds: Callable[[Any, Any
         zeros=jnp.full((LOCATE_ZEROS + ROW, 2), jnp.inf),
         note=jnp.int32(0),
     )
-    return lax.while_loop(lambda at: at.number > 0, step, beginning)
+    return while_loop(lambda at: at.number > 0, step, beginning)
 
 
 def _settled(zeros: Any, found: Scalar, bounds: Callable[[Any, Any], tuple[Any, Note]]) -> tuple[Any, Note]:
@@ -446,7 +447,7 @@ def _settled(zeros: Any, found: Scalar, bounds: Callable[[Any, Any], tuple[Any, 
         near, note = lax.fori_loop(0, LOCATE_STEPS, step, (near, note))
         return row + ROW, lax.dynamic_update_slice(placed, jnp.where(there, near[:, 0], jnp.inf), (row,)), note
 
-    _, placed, note = lax.while_loop(lambda at: at[0] < found, block, (jnp.int32(0), zeros[:, 0], jnp.int32(0)))
+    _, placed, note = while_loop(lambda at: at[0] < found, block, (jnp.int32(0), zeros[:, 0], jnp.int32(0)))
     return placed, note
 
 

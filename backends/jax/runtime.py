@@ -17,6 +17,7 @@ from jax import lax
 
 from teg.backends.jax import entries
 from teg.backends.jax.arrays import JAX
+from teg.backends.jax.while_loops import while_loop
 from teg.backends.shared import error_function, rules
 from teg.backends.shared.bends import Bends, Substitution, inside, possible_kinds, substitution
 from teg.numerics.quadrature import gauss_legendre
@@ -172,7 +173,7 @@ def _one_by_one(piece: Callable[..., tuple[Any, Note]], points: Any, active: Sca
         more, noted = piece(p[k], q[k])
         return k + 1, sums + more, note | noted
 
-    _, sums, note = lax.while_loop(lambda at: at[0] < count, step, (jnp.int64(0), jnp.zeros(pieces.results), jnp.int32(0)))
+    _, sums, note = while_loop(lambda at: at[0] < count, step, (jnp.int64(0), jnp.zeros(pieces.results), jnp.int32(0)))
     return sums, note
 
 
