@@ -39,6 +39,7 @@ from jax.interpreters import ad, batching, mlir
 from teg.backends.jax.apart import once
 from teg.backends.jax.kernel import JaxKernel, compile_jax
 from teg.backends.jax.loops import ArrayFunction
+from teg.backends.jax.options import compiler_options
 from teg.backends.jax.precision import in_double_precision
 from teg.program import Program
 from teg.program.arrays import ArrayProgram
@@ -126,11 +127,12 @@ class Family:
     # -- compiled kernels ----------------------------------------------------------------------------------------------
 
     def eager(self, order: int, batch: Batch, dtype: str) -> Callable[..., list[Any]]:
-        """The primitive, jitted: what it is lowered to depends on where its operands lie."""
+        """The primitive, jitted by itself: what it is lowered to depends on where its operands lie."""
         key = order, batch, dtype
         with self._lock:
             if key not in self._eager:
-                self._eager[key] = jax.jit(partial(derivative_p.bind, family=self, order=order, batch=batch, dtype=dtype))
+                run = partial(derivative_p.bind, family=self, order=order, batch=batch, dtype=dtype)
+                self._eager[key] = jax.jit(run, compiler_options=compiler_options())
             return self._eager[key]
 
     def native_function(self, order: int, batch: Batch, dtype: str) -> Callable[..., tuple[Any, ...]]:
@@ -232,8 +234,7 @@ def _axes(kind: Any) -> frozenset[str]:
 
 def _run(*operands: Any, family: Family, order: int, batch: Batch, dtype: str) -> list[Any]:
     with in_double_precision():
-        function = family.eager if family.native else family.function
-        return list(function(order, batch, dtype)(*operands))
+        return list(family.eager(order, batch, dtype)(*operands))
 
 
 def _abstract(*operands: Any, family: Family, order: int, batch: Batch, dtype: str) -> list[Any]:

@@ -170,6 +170,7 @@ class JaxKernel:
         """The jitted function of columns, those `mapped` with a batch axis: (outputs, n), or (outputs,); and the note of all."""
         jax = _import_jax()
         from teg.backends.jax.apart import once
+        from teg.backends.jax.options import compiler_options
         from teg.backends.jax.runtime import union
 
         axes = tuple(0 if m else None for m in mapped)
@@ -178,7 +179,7 @@ class JaxKernel:
             out, notes = (jax.vmap(self.run, in_axes=axes) if any(mapped) else self.run)(*arguments)
             return jax.numpy.stack(out), union(notes)
 
-        jitted: Callable[..., Any] = jax.jit(once(batched))
+        jitted: Callable[..., Any] = jax.jit(once(batched), compiler_options=compiler_options())
         return jitted
 
     def _once(self, order: Any, arguments: Sequence[Any]) -> tuple[tuple[Any, ...], Any]:

@@ -1,6 +1,6 @@
 """Check `teg.jax_function(kernel="xla")` on every reference, and measure how long programs take to compile; about ten minutes:
 
-    python tests/bench/jax_references.py [--every N] [--only ID …] [--double] [--json FILE]
+    python tests/bench/jax_references.py [--every N] [--only ID …] [--double] [--options] [--json FILE]
 
 Value and gradient, by `jax.jit(jax.value_and_grad(f))`: in double precision against the exact digits and against the C backend (NumPy's
 where there is no compiler), and in single precision, with JAX's 64-bit mode off, against the double ones at the rounded parameters. Errors
@@ -85,15 +85,15 @@ class Measured(NamedTuple):
     operations: int
 
 
-def evaluated(e: teg.Expr, at: dict[str, Any]) -> Measured:
-    """Returns the value and the gradient of a program, and what they cost."""
+def evaluated(e: teg.Expr, at: dict[str, Any], options: bool) -> Measured:
+    """Returns the value and the gradient of a program, and what they cost; with `options`, those of the function for XLA."""
     import jax
 
     start, begun = time.perf_counter(), time.process_time()
     f = teg.jax_function(e, [teg.param(k) for k in at], kernel="xla")
     lowered = jax.jit(jax.value_and_grad(f) if at else lambda p: (f(p), {})).lower(at)
     traced = time.perf_counter()
-    compiled = lowered.compile()
+    compiled = lowered.compile(compiler_options=f.compiler_options if options else None)
     seconds = time.perf_counter() - traced
     jax.block_until_ready(compiled(at))
     first, processor = time.perf_counter() - start, time.process_time() - begun
@@ -104,14 +104,14 @@ def evaluated(e: teg.Expr, at: dict[str, Any]) -> Measured:
     return Measured({"": float(value), **{k: float(v) for k, v in slopes.items()}}, first, seconds, call, processor, operations)
 
 
-def checked(problem: Problem, double: bool) -> dict[str, Any]:
+def checked(problem: Problem, double: bool, options: bool) -> dict[str, Any]:
     """Returns one row: the largest errors, and what the program cost in double precision."""
     import jax
 
     e, names = problem.build(), [teg.param(k) for k in problem.params]
     exact = teg.compile(e, names, backend=EXACT, inaccurate="ignore")
     with jax.enable_x64(True):
-        measured = evaluated(e, {k: np.float64(v) for k, v in problem.params.items()})
+        measured = evaluated(e, {k: np.float64(v) for k, v in problem.params.items()}, options)
     found = measured.found
     same = {"": exact(problem.params), **exact.grad(problem.params)}
     row = {
@@ -126,7 +126,7 @@ def checked(problem: Problem, double: bool) -> dict[str, Any]:
         return row
     rounded = {k: np.float32(v) for k, v in problem.params.items()}
     with jax.enable_x64(False):
-        single = evaluated(e, rounded).found
+        single = evaluated(e, rounded, options).found
     near = {"": exact(rounded), **exact.grad(rounded)}
     return row | {"single": max(distance(single[k], float(v)) for k, v in near.items())}
 
@@ -136,11 +136,12 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--every", type=int, default=1, metavar="N", help="only each N-th program")
     parser.add_argument("--only", nargs="*", metavar="ID", help="these programs")
     parser.add_argument("--double", action="store_true", help="leave single precision out")
+    parser.add_argument("--options", action="store_true", help="compile with the function's compiler_options")
     parser.add_argument("--json", type=Path)
     options = parser.parse_args(arguments)
     rows = []
     for problem in [p for p in problems() if not options.only or p.id in options.only][:: options.every]:
-        row = checked(problem, options.double)
+        row = checked(problem, options.double, options.options)
         rows.append(row)
         missed = row["double"] > row["tolerance"] or row["single"] > SINGLE
         if missed or row["first"] > FIRST:
