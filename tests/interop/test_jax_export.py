@@ -86,3 +86,29 @@ def test_a_picture_gathers_its_vertices_and_scatters_their_derivatives() -> None
     assert 0 < found["gather"] <= 36
     assert 0 < found["scatter"] <= 24
     assert found["sort"] == 0
+
+
+def test_derivatives_of_a_picture_are_summed_over_the_pixels_of_a_face_before_they_are_scattered() -> None:
+    """A sum over faces and their windows: entries of the vertices and the colours get one number a face, whatever the window is."""
+    from teg.examples.triangulation.sharded import loss_by_faces
+
+    faces, width, height = 5, 4, 3
+    loss = loss_by_faces()
+    f = teg.jax_function(loss, [teg.array("vertices", 2), teg.array("colours", 2)])
+    values = {"vertices": np.zeros((7, 2), np.float32), "colours": np.full((faces, 3), 0.5, np.float32)}
+    still = {"target": np.zeros((6, 6, 3), np.float32), "faces": np.arange(3 * faces).reshape(faces, 3) % 7}
+    still |= {"corners": np.zeros((faces, 2), int), "width": width, "height": height}
+    exported = export.export(jax.jit(jax.grad(lambda p: f({**p, **still}))), platforms=["cuda"])(values)
+    text = exported.mlir_module()
+    assert not re.search(r"stablehlo\.(custom_call|sort|infeed|outfeed|send|recv)", text)
+    scatters = re.findall(r"\}\)[^\n]*: \(tensor<(\S+)xf64>, tensor<\S+xi32>, tensor<(\d+)(\S*)xf64>\) -> ", text)
+    assert len(scatters) == text.count('"stablehlo.scatter"')
+    assert Counter((into, int(rows)) for into, rows, _ in scatters if into in ("7x2", f"{faces}x3")) == {
+        ("7x2", faces): 6,  # the coordinates of three corners
+        (f"{faces}x3", faces): 3,
+    }
+    sums = [(into.split("x")[0], int(rows), moments) for into, rows, moments in scatters if into not in ("7x2", f"{faces}x3")]
+    pixels = faces * height * width
+    # all moments of a pixel are added to those of its row at once, and those of a row to those of its face
+    assert [(into, rows) for into, rows, _ in sums] == [(str(faces * height), pixels), (str(faces), faces * height)]
+    assert all(moments.startswith("x") for _, _, moments in sums)
