@@ -21,7 +21,7 @@ from teg.analysis.remarks import Remarks
 from teg.analysis.settings import Integration
 from teg.errors import EstimatorError, OptionError, ParameterError, ScopeError
 from teg.ir import simplify
-from teg.ir.expr import ONE, Expr, Param, Tuple, Var
+from teg.ir.expr import ONE, ZERO, Expr, Param, Tuple, Var
 from teg.ir.integral import Integral
 from teg.ir.node import postorder
 from teg.ir.operands import as_number
@@ -40,6 +40,7 @@ from teg.passes.differentiate.estimators.spsa import Spsa
 from teg.passes.differentiate.estimators.warp import Warp
 from teg.passes.differentiate.estimators.warp_blur import WarpBlur
 from teg.passes.differentiate.forward import tangent_of
+from teg.passes.differentiate.missed_cuts import MissedCuts
 from teg.passes.differentiate.reverse import gradient_of
 from teg.passes.eliminate.edge_mc import EdgeMc
 from teg.passes.eliminate.families import closing, eliminate_deltas, families_with
@@ -160,7 +161,7 @@ def jvp(e: object, direction: Mapping[Param | Var, object], maps: Maps = ()) -> 
     changes = {p: as_number(v) for p, v in direction.items()}
     whole = apart_from(_expression(e), variables)
     normal = _with_moving_steps(normal_form(whole, keep_moving=True, maps=maps), list(changes))
-    return run_pass("differentiate", lambda u: tangent_of(u, changes), normal)
+    return MissedCuts(normal).checked(run_pass("differentiate", lambda u: tangent_of(u, changes), normal), list(changes))
 
 
 def grad(e: object, by: Sequence[Param] | Param | None = None, maps: Maps = ()) -> Tuple:
@@ -168,7 +169,7 @@ def grad(e: object, by: Sequence[Param] | Param | None = None, maps: Maps = ()) 
     these."""
     wrt = _chosen(e, by)
     normal = _with_moving_steps(normal_form(_expression(e), keep_moving=True, maps=maps), wrt)
-    return cast(Tuple, run_pass("adjoint", lambda u: gradient_of(u, wrt), normal))
+    return cast(Tuple, MissedCuts(normal).guarded(run_pass("adjoint", lambda u: gradient_of(u, wrt), normal), wrt))
 
 
 def hessian(e: object, by: Sequence[Param] | Param | None = None, maps: Maps = ()) -> Tuple:
@@ -220,6 +221,7 @@ def compiled_outputs(
     canonical = Canonical()  # canonical nodes are met again at the end
     outputs = [normal_form(e, maps=maps, canonical=canonical, remarks=remarks)]
     source = normal_form(e, True, maps, canonical, remarks) if e.has_delta else outputs[0]
+    missed = MissedCuts(source if sifted else ZERO)
     for order in range(orders):
         source = _with_moving_steps(source, wrt) if sifted else without_uncounted(source, wrt)
         raw: Expr = run_pass("adjoint", partial(gradient_of, wrt=wrt), source)
@@ -231,6 +233,7 @@ def compiled_outputs(
         outputs.append(run_pass(estimator.name, estimate, raw))
         if not last:
             source = run_pass("canonicalise", canonical, raw if sifted else outputs[-1])
+        outputs[-1] = missed.guarded(outputs[-1], wrt)
     return _together(outputs, canonical)
 
 

@@ -4,16 +4,19 @@
 
 The jump is computed by rules instead of by subtracting two copies: jump(Σ) = Σ jump; jump(a·b) = jump(a)·b₁ + a₀·jump(b); jump(∫ₗʰ a) =
 ∫ₗʰ jump(a), or ∫_{l₁}^{h₁} a₁ - ∫_{l₀}^{h₀} a₀ where bounds jump; 0 where g does not occur. So `[x<t]·[x<t]`, `sin(2[x<t])` and
-conditions inside conditions are right. Linear in the number of nodes that contain the surface. Bangaru et al. 2021, section 4,
+conditions inside conditions are right. On the surface u/|u| is 0/0, so its sides are the limits there (`teg.analysis.limits`). Linear
+in the number of nodes that contain the surface. Bangaru et al. 2021, section 4,
 differentiate each occurrence alone; the rule for the whole integrand is new here.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, cast
 
 from teg.analysis.calculus import factor_cofactors
 from teg.analysis.coincidence import ZeroSet
+from teg.analysis.limits import Poles
 from teg.analysis.polynomial import Point
 from teg.analysis.singularities import fades_at
 from teg.ir import expr as ex
@@ -37,13 +40,14 @@ def _containing(root: Node, surface: Expr) -> list[Node]:
     return order
 
 
-def _assign(order: list[Node], surface: Expr, value: Cond) -> dict[Node, Node]:
+def _assign(order: list[Node], surface: Expr, value: Cond, limit: Callable[[Node], Node] = lambda node: node) -> dict[Node, Node]:
+    """Returns the nodes with every atom of the surface replaced by a truth value, and products by their limits."""
     new: dict[Node, Node] = {}
     for node in order:
         if isinstance(node, Compare) and node.g is surface:
             new[node] = value
         else:
-            new[node] = rebuild(node, tuple([new.get(c, c) for c in node.children]))
+            new[node] = limit(rebuild(node, tuple([new.get(c, c) for c in node.children])))
     return new
 
 
@@ -58,7 +62,11 @@ def jump(e: Expr, surface: Expr) -> Expr:
     order = _containing(e, surface)
     if not order:
         return ZERO
-    one, zero = _assign(order, surface, TRUE), _assign(order, surface, FALSE)
+    one, zero = (_assign(order, surface, side) for side in (TRUE, FALSE))
+    poles = Poles(surface)
+    limits = {n for n in order if isinstance(n, Mul | Where) and any([poles.has(v[n]) for v in (one, zero)])}
+    if limits:
+        one, zero = (_assign(order, surface, side, poles.limit) for side in (TRUE, FALSE))
     jumps: dict[Node, Expr] = {}
 
     def of(node: Node) -> Expr:
@@ -73,9 +81,9 @@ def jump(e: Expr, surface: Expr) -> Expr:
         match node:
             case Add():
                 jumps[node] = add(*(of(c) for c in node.children))
-            case Mul():
+            case Mul() if node not in limits:
                 jumps[node] = _product_jump(node, of, lambda c: at(one, c), lambda c: at(zero, c))
-            case Where():
+            case Where() if node not in limits:
                 c1, c0 = at(one, node.condition), at(zero, node.condition)
                 a1, a0, b1, b0 = (
                     at(one, node.then),
@@ -128,6 +136,8 @@ def vanishes_on(e: Expr, surface: Expr) -> bool:
     """Returns whether e is 0 wherever the surface g is, so that e·δ(g) = 0: the kinks of abs, min, max, and every continuous `where`."""
     if isinstance(e, Const):
         return e is ZERO
+    if Poles(surface).has(e):  # 0/0, which the field takes for 0
+        return False
     if surface.has_integral:  # |g| has no jump, whatever g is
         without = cast(Expr, replace_node(e, surface, ZERO))
         if all(Point(trial).value(without) == 0 for trial in ("0", "1")):

@@ -148,7 +148,7 @@ def mul(*factors: Expr) -> Expr:
         else:
             powers[factor] = powers.get(factor, 0) + 1
     if coefficient == 0.0:
-        return ZERO
+        return const(math.nan) if powers.get(ZERO, 0) < 0 else ZERO  # 0/0, which a limit would decide
     kept: list[Expr] = [_integer_power(base, k) for base, k in powers.items() if k != 0]
     if coefficient != 1.0 or not kept:
         kept.insert(0, const(coefficient))
@@ -195,8 +195,9 @@ def integer_power(base: Expr, k: int) -> Expr:
         return integer_power(base.children[0], k // 2)
     if isinstance(base, Pow) and (base.exponent == -1 or k > 0):
         return integer_power(base.base, base.exponent * k)
-    if isinstance(base, Mul) and base.children[0] is MINUS_ONE and k % 2 == 0:
-        return integer_power(mul(*base.children[1:]), k)
+    if isinstance(base, Mul) and base.children[0] is MINUS_ONE and (k < 0 or k % 2 == 0):
+        positive_base = integer_power(mul(*base.children[1:]), k)
+        return mul(MINUS_ONE, positive_base) if k % 2 else positive_base
     if isinstance(base, Where):
         if k > 0 and base.otherwise is ZERO:
             return where(base.condition, integer_power(base.then, k), ZERO)

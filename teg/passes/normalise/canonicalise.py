@@ -34,6 +34,7 @@ from teg.ir.node import Node, postorder, union
 from teg.ir.simplify import add, conjunction, disjunction, mul, negation, positive
 from teg.ir.traverse import rebuild, remake, rename_apart, replace_node, substitute
 from teg.numerics.field import divided, sign_of_residue
+from teg.passes.normalise.quotients import with_whole_branches
 
 MAX_HOISTED = 6
 FEW_TERMS = 4
@@ -77,6 +78,8 @@ class Canonical:
                 result = simplify.where(above, const(0.5 * math.pi), const(-0.5 * math.pi))
             elif isinstance(result, Integral):
                 result = self._integral(result)
+            elif isinstance(result, Mul):
+                result = with_whole_branches(result)
             new[node] = result
         for node in order:
             new.setdefault(new[node], new[node])

@@ -7,7 +7,7 @@
 atan2 jumps by 2π where v = 0 and u < 0, atan(1/x) by π at x = 0, and such a jump moves with the parameters of v or q. On the right no
 function jumps where it is used: the second argument of each atan2 is not negative (`HalfAngle`, which stays as it is). Without parameters
 a jump stays where it is, and has no derivative. In conditions the jumps of functions of one variable, and of functions of a pole, count
-wherever they are, and an angle that is compared with a number is two half-planes:
+wherever they are, and an angle that is compared with an affine expression is two half-planes:
 
     atan2(v, u) < t    ⇔   v < 0 or u·sin t - v·cos t > 0, for 0 < t <= π;  both, for -π < t <= 0
 
@@ -19,11 +19,13 @@ from __future__ import annotations
 import math
 from typing import cast
 
-from teg.ir.expr import MINUS_ONE, ZERO, Add, Call, Compare, Cond, Const, Expr, HalfAngle, Mul, Pow, const
+from teg.analysis.polynomial import Shadow
+from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Call, Compare, Cond, Const, Expr, HalfAngle, Mul, Pow, const
 from teg.ir.node import Node, postorder
 from teg.ir.simplify import add, call, conjunction, disjunction, div, half_angle, mul, negation, positive, sub, where
 from teg.ir.traverse import parameters, rebuild
 from teg.passes.normalise.canonicalise import cleared, has_variable_denominator, tangents_as_quotients
+from teg.passes.normalise.quotients import with_whole_branches
 
 LIMITED = ("atan", "exp", "expm1", "tanh", "erf", "erfc")
 """Functions with limits at both infinities, of which one is finite at least."""
@@ -48,6 +50,8 @@ def with_cuts(root: Expr) -> Expr:
 def _rebuilt(node: Node, children: tuple[Node, ...], in_condition: bool) -> Node:
     """Returns a node of new children, with the jumps of a function as conditions."""
     result = rebuild(node, children)
+    if isinstance(result, Mul):
+        return with_whole_branches(result)
     if not isinstance(result, Call) or not result.free or isinstance(result, HalfAngle):
         return result
     if result.name == "atan2":
@@ -67,39 +71,51 @@ def _angle(e: Call, in_condition: bool) -> Expr:
 
 
 def _half_planes(condition: Compare) -> Cond | None:
-    """Returns the condition that an angle is below or above a number t, by the line of that direction: u·sin t - v·cos t > 0 is the
-    half-plane of the angles between t - π and t. None for other conditions, and for cuts that do not move."""
-    factor, angle, rest = _linear(condition.g)
-    if factor == 0.0 or not isinstance(angle, Call) or angle.name != "atan2" or isinstance(angle, HalfAngle):
+    """Returns the condition that an angle is below or above t, by the line of that direction: u·sin t - v·cos t > 0 is the half-plane of
+    the angles between t - π and t. None for other conditions, and for an angle with a cut that stays beside a number."""
+    factor, angle, rest = linear_in_angle(condition.g)
+    if angle is None or not _is_affine(rest):
         return None
     v, u = cast("tuple[Expr, Expr]", angle.children)
-    if not v.free or not parameters(v):
+    if not (rest.free or parameters(v)):
         return None
-    t = div(rest, const(-factor))
+    t = mul(MINUS_ONE, div(rest, factor))
     below, ahead = positive(mul(MINUS_ONE, v)), positive(sub(mul(u, call("sin", t)), mul(v, call("cos", t))))
     upper, turn = positive(t), const(math.pi)
     less = disjunction(
         conjunction(upper, disjunction(positive(sub(t, turn)), below, ahead)),
         conjunction(negation(upper), positive(add(t, turn)), below, ahead),
     )
-    return less if factor < 0.0 else negation(less)
+    rising = positive(factor)
+    return disjunction(conjunction(rising, negation(less)), conjunction(negation(rising), less))
 
 
-def _linear(e: Expr) -> tuple[float, Expr, Expr]:
-    """Returns a number k, an expression u and a constant c with e = k·u + c, where u is no sum with a constant and no multiple."""
-    factor = 1.0
+def linear_in_angle(e: Expr) -> tuple[Expr, Call | None, Expr]:
+    """Returns k, u and c with e = k·u + c, where u is the only angle in e with a cut, and k is constant. u is None if there is none."""
+    factor: Expr = ONE
     rest: Expr = ZERO
     while isinstance(e, Add | Mul):
-        moving = [c for c in e.children if c.free]
-        others = [c for c in e.children if not c.free]
-        if len(moving) != 1 or not (isinstance(e, Add) or all(isinstance(c, Const) for c in others)):
-            break
+        turning = [c for c in e.children if cut_angles(c)]
+        others = [c for c in e.children if c not in turning]
+        if len(turning) != 1 or (isinstance(e, Mul) and any(c.free for c in others)):
+            return factor, None, rest
         if isinstance(e, Add):
-            rest = add(rest, mul(const(factor), add(*others)))
+            rest = add(rest, mul(factor, add(*others)))
         else:
-            factor *= math.prod(c.data for c in others if isinstance(c, Const))
-        e = moving[0]
-    return factor, e, rest
+            factor = mul(factor, *others)
+        e = turning[0]
+    return factor, e if isinstance(e, Call) and cut_angles(e) == [e] else None, rest
+
+
+def _is_affine(e: Expr) -> bool:
+    """Returns whether an expression is affine between its kinks: its line of directions stays short."""
+    return not e.free or Shadow(tuple(e.free), kinks=True).degree(e) in (0, 1)
+
+
+def cut_angles(e: Node) -> list[Call]:
+    """Returns the angles in an expression whose cut may be met, which is no condition."""
+    calls = [n for n in postorder([e]) if isinstance(n, Call) and n.name == "atan2" and not isinstance(n, HalfAngle)]
+    return [n for n in calls if n.children[0].free and not (isinstance(n.children[1], Const) and n.children[1].data > 0.0)]
 
 
 def _limited(e: Call, in_condition: bool) -> Expr:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 
 import mpmath
+import numpy as np
 import pytest
 
 import teg
@@ -117,3 +118,26 @@ def test_an_angle_in_every_direction(angle: float) -> None:
     f = teg.compile(teg.integral(teg.bracket(condition), (x, -1, 1), (y, -1, 1)), [t, a, b])
     part = min(max((angle + math.pi) / (2 * math.pi), 0.0), 1.0)
     assert f(t=angle, a=0.1, b=0.2) == pytest.approx(0.25 * math.pi * part, rel=1e-9, abs=1e-12)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("reverse", [False, True], ids=["xy", "yx"])
+@pytest.mark.parametrize(
+    ("condition", "moves"),
+    [(theta + x < t, True), (teg.atan2(y - 0.1, x - 0.2) - 2 * x > t, False), (-2 * theta - 3 * y + x > -t, True)],
+    ids=["a cut that moves", "a cut that stays", "a factor"],
+)
+def test_angles_in_longer_conditions(condition: teg.Expr, moves: bool, reverse: bool, backend: str) -> None:
+    """The derivatives of [θ + x < t] were 0.8 for 2 by the centre, those of [θ - 2x > t] had roots on the cut. References are differences
+    of values, and values are those of a fine grid."""
+    ranges = [(x, -1, 1), (y, -1, 1)]
+    f = teg.compile(teg.integral(teg.bracket(condition), *(ranges[::-1] if reverse else ranges)), backend=backend)
+    at = {name: {"a": 0.1, "b": 0.2, "t": 0.6}[name] for name in f.parameters}
+    value, gradient = f.value_and_grad(**at)
+    p, q = np.meshgrid(*[(np.arange(2000) + 0.5) / 1000 - 1] * 2)
+    angle = np.arctan2(q - 0.1, p - 0.2)
+    holds = angle - 2 * p > 0.6 if not moves else -2 * angle - 3 * q + p > -0.6 if "3" in str(condition) else angle + p < 0.6
+    assert value == pytest.approx(4 * holds.mean(), abs=1e-5)
+    for name, slope in gradient.items():
+        change = (f(**{**at, name: at[name] + 1e-4}) - f(**{**at, name: at[name] - 1e-4})) / 2e-4
+        assert slope == pytest.approx(change, rel=1e-5, abs=1e-5)

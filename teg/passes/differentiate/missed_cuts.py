@@ -1,0 +1,95 @@
+"""Derivatives that lack the cut of an angle: NaN where the cut may be met.
+
+    [θ(x)² + sin x·θ(x) > t]       with θ = atan2(v, u), which jumps where v = 0 and u < 0
+
+A condition on an angle beside affine terms is half-planes (`teg.passes.normalise.cuts`), so its cut is a surface. In any other condition
+the cut is none: roots on it are no roots of the condition, and its own boundary term is missing. Values are right, since integrals
+search for the change of the condition; derivatives by the condition's parameters are not known if bounds of v and u over the box, taken
+at run time, allow the cut. Linear.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import cast
+
+from teg.analysis.intervals import Enclosure, Interval
+from teg.errors import NotDifferentiableError
+from teg.ir.expr import MINUS_ONE, TRUE, Call, Compare, Cond, Expr, Param, Pow, Tuple, Var, const
+from teg.ir.integral import Integral
+from teg.ir.node import Node, postorder
+from teg.ir.simplify import add, call, conjunction, disjunction, mul, positive, tuple_of, where
+from teg.ir.traverse import parameters
+from teg.passes.normalise.cuts import cut_angles, linear_in_angle
+
+NO_NUMBER = const(float("nan"))
+
+
+class MissedCuts:
+    """The cuts of angles in conditions of a normal form that are no surfaces."""
+
+    def __init__(self, normal: Expr) -> None:
+        self._met: list[tuple[frozenset[Param], Cond]] = []
+        if cut_angles(normal):
+            self._collect(normal)
+
+    def guarded(self, slopes: Expr, wrt: Sequence[Param | Var]) -> Expr:
+        """Returns the derivatives by some parameters, in their order, with NaN for those that lack a cut; for a tuple of tuples, each."""
+        if not self._met or not isinstance(slopes, Tuple):
+            return slopes
+        if slopes.children and isinstance(slopes.children[0], Tuple):
+            return tuple_of(*(self.guarded(s, wrt) for s in slopes.children))
+        return tuple_of(*(self.checked(s, (p,)) for s, p in zip(slopes.children, wrt, strict=True)))
+
+    def checked(self, slope: Expr, wrt: Sequence[Param | Var]) -> Expr:
+        """Returns a derivative along some parameters, NaN if it lacks a cut."""
+        missed = [(by, met) for by, met in self._met if by & set(wrt)]
+        symbols = sorted({p for by, _ in missed for p in by}, key=lambda p: p.name)
+        unknown = mul(NO_NUMBER, add(*symbols))  # its own derivatives are NaN, too
+        return where(disjunction(*(met for _, met in missed)), unknown, slope)
+
+    def _collect(self, root: Expr) -> None:
+        """Adds the conditions under which cuts are met. A variable that several integrals bind has the bounds of each in turn."""
+        seen: set[tuple[Node, tuple[Integral, ...]]] = set()
+        stack: list[tuple[Node, tuple[Integral, ...]]] = [(root, ())]
+        while stack:
+            node, around = stack.pop()
+            if (node, around) in seen:
+                continue
+            seen.add((node, around))
+            if isinstance(node, Compare) and (angles := _missed(node.g)):
+                met = disjunction(*(_met(*cast("tuple[Expr, Expr]", a.children), around) for a in angles))
+                self._met.append((frozenset(parameters(node.g)), met))
+            inside = (*around, node) if isinstance(node, Integral) else around
+            stack.extend((c, inside if isinstance(node, Integral) and c is node.body else around) for c in node.children)
+
+
+def _missed(g: Expr) -> list[Call]:
+    """Returns the angles in a condition whose cut counts: not that of θ² < t, which is none, nor one that stays in θ < t, whose roots have
+    formulas."""
+    _, angle, rest = linear_in_angle(g)
+    if not g.free or (angle is not None and not rest.free and not parameters(angle.children[0])):
+        return []
+    squared = {n.base for n in postorder([g]) if isinstance(n, Pow) and n.exponent % 2 == 0}
+    return [a for a in cut_angles(g) if a not in squared or _occurs_bare(g, a)]
+
+
+def _occurs_bare(g: Expr, angle: Call) -> bool:
+    """Returns whether an angle occurs outside of even powers."""
+    return any(angle in n.children and not (isinstance(n, Pow) and n.exponent % 2 == 0) for n in postorder([g]))
+
+
+def _met(v: Expr, u: Expr, around: Sequence[Integral]) -> Cond:
+    """Returns the condition that v may be 0, and u negative, in the ranges of the integrals around, outermost first."""
+    box: dict[Var, Interval] = {}
+    touches = bool(parameters(v))  # a cut that stays on a side of the box has no derivative
+    try:
+        for node in around:
+            boxed = Enclosure(box)
+            (low, least), (high, most) = boxed.of(node.lo), boxed.of(node.hi)
+            box[node.var] = call("min", low, high), call("max", least, most)
+        boxed = Enclosure(box)
+        (below, above), (left, _) = boxed.of(v), boxed.of(u)
+    except NotDifferentiableError:
+        return TRUE
+    return conjunction(positive(above, not touches), positive(mul(MINUS_ONE, below), not touches), positive(mul(MINUS_ONE, left)))

@@ -1,0 +1,62 @@
+"""Conditions on angles whose cut is no surface: derivatives are NaN where it may be met, and right elsewhere."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+import teg
+
+pytestmark = pytest.mark.usefixtures("x64_for_jax")
+
+x, y = teg.vars("x y")
+a, b, t = teg.params("a b t")
+BACKENDS = ["numpy", "c", pytest.param("jax", marks=pytest.mark.slow)]
+
+
+def program(u: teg.Expr) -> teg.Expr:
+    return teg.integral(teg.bracket(2 * teg.atan2(y - a, u) - y * x > t), (x, -1, 1), (y, -1, 1))
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_cut_that_is_no_surface_is_reported(backend: str) -> None:
+    """The derivatives by t and a were -0.84 and 0.52 for -0.31 and -2.24, without a warning."""
+    f = teg.compile(program(x - b), backend=backend)
+    with pytest.warns(teg.AccuracyWarning, match="not a number"):
+        gradient = f.grad(a=0.1, b=0.2, t=0.6)
+    assert all(math.isnan(g) for g in gradient.values())
+    with pytest.warns(teg.AccuracyWarning, match="not a number"):
+        assert math.isnan(f.hvp({"a": 0.1, "b": 0.2, "t": 0.6}, {"t": 1.0})["t"])
+
+
+def test_in_all_forms_of_derivatives() -> None:
+    e = program(x - b)
+    for d in (teg.diff(e, t), teg.grad(e, [t])[0], teg.jvp(e, {a: 1}), teg.hessian(e, [t])[0][0]):
+        assert math.isnan(teg.evaluate(d, a=0.1, b=0.2, t=0.6, inaccurate="ignore"))
+    assert not math.isnan(teg.evaluate(e, a=0.1, b=0.2, t=0.6))
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("u", [x + 2, x - b], ids=["a number", "a parameter"])
+def test_where_no_cut_can_be_met_derivatives_are_as_before(u: teg.Expr, backend: str) -> None:
+    """References are differences of values, which have no part in this."""
+    f = teg.compile(program(u), backend=backend)
+    at = {"a": 0.1, "t": 0.6, **({"b": -2.0} if "b" in f.parameters else {})}
+    for name, slope in f.grad(**at).items():
+        change = (f(**{**at, name: at[name] + 1e-4}) - f(**{**at, name: at[name] - 1e-4})) / 2e-4
+        assert slope == pytest.approx(change, rel=1e-6, abs=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("condition", "at"),
+    [(teg.atan2(y - 0.1, x - b) < t, {"b": 0.2, "t": 0.6}), (teg.atan2(y - a, x - b) ** 2 < 2 * t, {"a": 0.1, "b": 0.2, "t": 0.6})],
+    ids=["a cut that stays", "a square"],
+)
+def test_conditions_that_lack_no_cut(condition: teg.Expr, at: dict[str, float]) -> None:
+    """On a cut that stays the condition has no root by formula; θ² has no cut."""
+    f = teg.compile(teg.integral(teg.bracket(condition), (x, -1, 1), (y, -1, 1)))
+    gradient = f.grad(**at)
+    for name in at:
+        change = (f(**{**at, name: at[name] + 1e-4}) - f(**{**at, name: at[name] - 1e-4})) / 2e-4
+        assert gradient[name] == pytest.approx(change, rel=1e-6, abs=1e-6)
