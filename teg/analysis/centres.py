@@ -4,13 +4,14 @@
                              u quadratic in x      its stationary point v, and the width |u″|^-½
     1/u, √u, log u …         u quadratic in x      v, and the distance |u(v)/(½u″)|^½ of the complex roots
 
-Two centres of an infinite inner integral are seen from outside: where they meet, as functions of an outer variable, or where one meets a
-finite bound of the inner range, the outer integrand has a centre. So ∫ dy ∫ f(x - t)·g(y - x) dx has the centre y = t. Polynomials
+Two narrow centres of an inner integral are seen from outside: where they meet, as functions of an outer variable, or where one meets a
+finite bound of an infinite inner range, the outer integrand has a centre. So ∫ dy ∫ f(x - t)·g(y - x) dx has the centre y = t. Polynomials
 in front of functions, sines and cosines have no centres. Linear in the size of the integrand, but for pairs of at most MAX_CENTRES.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import combinations
@@ -20,7 +21,7 @@ from teg.analysis.calculus import slope
 from teg.analysis.polynomial import Degrees
 from teg.analysis.surfaces import binders_inside
 from teg.analysis.tails import infinite_ends, is_unbounded
-from teg.ir.expr import MINUS_ONE, ONE, ZERO, Call, Compare, Expr, Pow, Var, const
+from teg.ir.expr import MINUS_ONE, ONE, ZERO, Call, Compare, Const, Expr, Pow, Var, const
 from teg.ir.function import Apply
 from teg.ir.integral import Integral, outermost_integrals
 from teg.ir.node import Node
@@ -29,6 +30,8 @@ from teg.ir.traverse import substitute
 
 MAX_CENTRES = 4
 """The largest number of centres of one integral."""
+NARROW = 1 / 64
+"""The width, as a part of a finite range, from which nodes see a centre anyway."""
 STEEP = 16
 """The largest positive power that has no centre by itself: it is a polynomial in front of what decays."""
 _WAVES = frozenset(("sin", "cos", "floor", "mod"))
@@ -75,11 +78,12 @@ class Centres:
         return self._met[node]
 
     def _pairs(self, inner: Integral) -> Iterator[tuple[Centre, Centre]]:
-        """Yields the pairs of places of an infinite integral of which one at least is a centre."""
+        """Yields the pairs of places of an integral of which one at least is a centre. On a finite range a centre counts that may be
+        narrow."""
+        centres = [c for c in self.of(inner) if not _is_wide(c, inner)]
+        yield from combinations(centres, 2)
         if not is_unbounded(inner):
             return
-        centres = self.of(inner)
-        yield from combinations(centres, 2)
         bounds = [b for b, end in zip((inner.lo, inner.hi), infinite_ends(inner), strict=True) if not end]
         yield from ((c, Centre(b, ZERO)) for c in centres for b in bounds)
 
@@ -118,6 +122,13 @@ class Centres:
     @staticmethod
     def _at_0(e: Expr, x: Var) -> Expr:
         return cast(Expr, substitute(e, {x: ZERO}))
+
+
+def _is_wide(centre: Centre, node: Integral) -> bool:
+    """Returns whether a centre is known to be wider than a part NARROW of a finite range: nodes see it."""
+    width, size = centre.width, sub(node.hi, node.lo)
+    known = isinstance(width, Const) and isinstance(size, Const) and math.isfinite(size.data)
+    return known and width.data >= NARROW * abs(size.data)
 
 
 def _around(e: Node, around: str) -> str:

@@ -50,6 +50,8 @@ def _extent(node: Expr, box: Mapping[Var, Extent], known: Mapping[Node, Extent])
         case Where():
             a, b = _where_it_counts(node, known)
             return min(a[0], b[0]), max(a[1], b[1])
+        case Call() if node.name == "pow" and not isinstance(node.children[1], Const) and known[node.children[0]][0] < 0.0:
+            return EVERYTHING  # the exponent may be an odd integer
         case Call():
             rule = _RULES.get(node.name)
             return EVERYTHING if rule is None else rule(known[node.children[0]])

@@ -12,7 +12,7 @@ Source: Moore, Kearfott, Cloud 2009, chapters 2 and 5.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import cast
 
 from teg.errors import NotDifferentiableError
@@ -240,12 +240,23 @@ def _logarithm(name: str, u: Interval, least: Expr) -> Interval:
 
 
 def _real_power(u: Interval, k: Interval) -> Interval:
-    """Returns bounds of u^k for u > 0. The power is monotone in both, so its bounds are at corners."""
-    base = _most(ZERO, u[0]), u[1]
+    """Returns bounds of u^k. For u > 0 it is monotone in both, so its bounds are at corners; u < 0 has powers too where k is an integer."""
     exponents = (k[0],) if k[0] is k[1] else k
-    corners = [where(positive(b), call("pow", b, e), where(positive(e), ZERO, _INFINITY)) for b in base for e in exponents]
+    lo, hi = _at_corners((_most(ZERO, u[0]), u[1]), exponents)
     defined = positive(u[1], strict=False)
-    return where(defined, _least(*corners), _NO_NUMBER), where(defined, _most(*corners), _NO_NUMBER)
+    positive_part = where(defined, lo, _NO_NUMBER), where(defined, hi, _NO_NUMBER)
+    if all(isinstance(e, Const) for e in k):  # no integer, else it were an integer power
+        return positive_part
+    size = _at_corners(_sizes(u), exponents)[1]
+    whole = TRUE if k[0] is not k[1] else positive(sub(call("floor", k[0]), k[0]), strict=False)
+    reaches = conjunction(positive(mul(MINUS_ONE, u[0])), whole)
+    return where(reaches, mul(MINUS_ONE, size), positive_part[0]), where(reaches, size, positive_part[1])
+
+
+def _at_corners(base: Interval, exponents: Sequence[Expr]) -> Interval:
+    """Returns the least and the largest power of a base that is not negative."""
+    corners = [where(positive(b), call("pow", b, e), where(positive(e), ZERO, _INFINITY)) for b in base for e in exponents]
+    return _least(*corners), _most(*corners)
 
 
 def _remainder(u: Interval, m: Interval) -> Interval:

@@ -340,7 +340,8 @@ def _preimages(f: Call | Pow, c: Expr, x: Var, lo: Expr, hi: Expr) -> tuple[list
             return None
         broken = isinstance(k, Const) and math.isfinite(k.data) and not float(k.data).is_integer()  # of no base below 0
         certain = broken or (isinstance(u, Var) and all(isinstance(b, Const) and b.data >= 0.0 for b in (lo, hi)))
-        return [(sub(u, call("pow", c, integer_power(k, -1))), positive(c, strict=False))], certain
+        above = sub(u, call("pow", c, integer_power(k, -1))), conjunction(positive(c, strict=False), _not_zero(k))
+        return [above] if certain or k.free else [above, _below(u, k, c)], certain or not k.free
     if f.name == "atan2":  # the half-line at the angle c
         b, a, s, k = u, f.children[1], call("sin", c), call("cos", c)
         return [(sub(mul(b, k), mul(a, s)), positive(add(mul(a, k), mul(b, s))))], True
@@ -350,6 +351,14 @@ def _preimages(f: Call | Pow, c: Expr, x: Var, lo: Expr, hi: Expr) -> tuple[list
     if inverse is None:
         return None
     return [(sub(u, v), exists) for v, exists in inverse(c)], True
+
+
+def _below(u: Expr, k: Expr, c: Expr) -> tuple[Expr, Cond]:
+    """Returns u - v for the solution v < 0 of vᵏ = c, which an integer k has: an even one for c >= 0, an odd one for c <= 0."""
+    parity = sub(k, mul(const(2), call("floor", mul(const(0.5), k))))
+    even, odd = negation(positive(parity)), conjunction(positive(sub(parity, ONE), strict=False), negation(positive(sub(parity, ONE))))
+    sign = disjunction(conjunction(even, positive(c, strict=False)), conjunction(odd, positive(mul(MINUS_ONE, c), strict=False)))
+    return add(u, call("pow", call("magnitude", c), integer_power(k, -1))), conjunction(sign, _not_zero(k))
 
 
 def _power_preimages(k: int, c: Expr) -> list[tuple[Expr, Cond]]:

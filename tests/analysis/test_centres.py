@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import cast
 
+import mpmath
 import pytest
 
 import teg
@@ -54,3 +55,29 @@ def test_centres_of_an_inner_integral_meet_outside() -> None:
 def test_a_centre_meets_a_finite_bound() -> None:
     inner = teg.integral(1 / teg.cosh(y - x), (x, t, math.inf))
     assert centres(teg.integral(inner * teg.exp(-((y - b) ** 2)), (y, *LINE)))[-1] == pytest.approx((0.7, 1.0))
+
+
+@pytest.mark.parametrize("backend", ["numpy", "c"])
+@pytest.mark.parametrize(("far", "at"), [(1e4, 3700.0), (1e6, 3.0), (1e6, 9e5)])
+def test_centres_meet_on_long_finite_ranges(far: float, at: float, backend: str) -> None:
+    """∫∫ sech(x - t)·sech(y - x) is π² but for e^-(far - |t|): it was 0, without a warning."""
+    e = teg.integral(1 / teg.cosh(x - t) / teg.cosh(y - x), (x, -far, far), (y, -far, far))
+    value, gradient = teg.compile(e, backend=backend).value_and_grad(t=at)
+    assert value == pytest.approx(math.pi**2, rel=1e-10)
+    assert gradient["t"] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_narrow_centres_meet_in_a_box() -> None:
+    """sech(k(x - s))·sech(k(y - x)) over a unit square: π²/k²; at k = 3 nodes see it anyway, and nothing changes."""
+    e = teg.integral(1 / teg.cosh(k * (x - t)) / teg.cosh(k * (y - x)), (x, 0, 1), (y, 0, 1))
+    f = teg.compile(e)
+    assert f(t=0.3, k=1e5) == pytest.approx(math.pi**2 * 1e-10, rel=1e-9)
+    assert f(t=0.3, k=3.0) == pytest.approx(float(_sech_square(0.3, 3.0)), rel=1e-10)
+    assert f.evaluations(t=0.3, k=3.0) < 5000
+
+
+def _sech_square(at: float, rate: float) -> mpmath.mpf:
+    def inner(s: mpmath.mpf) -> mpmath.mpf:  # ∫₀¹ sech(k(y - s)) dy
+        return (mpmath.atan(mpmath.sinh(rate * (1 - s))) + mpmath.atan(mpmath.sinh(rate * s))) / rate
+
+    return mpmath.quad(lambda s: mpmath.sech(rate * (s - at)) * inner(s), [0, at, 1])

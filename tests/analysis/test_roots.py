@@ -69,3 +69,26 @@ def test_coefficients() -> None:
 @pytest.mark.parametrize("g", [x * teg.sin(x) - t, x**5 + x - t, x * teg.exp(x) - t], ids=str)
 def test_no_formula(g: teg.Expr) -> None:
     assert solve(g, x, ZERO, ONE) is None
+
+
+@pytest.mark.parametrize("backend", ["numpy", "c", pytest.param("jax", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    ("lo", "exponent", "at", "area", "slope"),
+    [
+        (0.0, 1.5, 0.3, 0.3 ** (2 / 3), 0.3 ** (-1 / 3) / 1.5),
+        (0.0, 1.5, 1e-300, 1e-200, 1e100 / 1.5),
+        (0.0, 1.5, 0.0, 0.0, math.inf),
+        (-1.0, 2.0, 0.3, 2 * math.sqrt(0.3), 1 / math.sqrt(0.3)),
+        (-1.0, 3.0, 0.3, 1 + 0.3 ** (1 / 3), 0.3 ** (-2 / 3) / 3),
+        (-1.0, 3.0, -0.3, 1 - 0.3 ** (1 / 3), 0.3 ** (-2 / 3) / 3),
+        (0.25, -1.5, 2.0, 1 - 2.0 ** (-2 / 3), 2.0 ** (-5 / 3) / 1.5),
+        (0.25, 0.0, 0.3, 0.0, 0.0),
+    ],
+)
+def test_a_power_whose_exponent_is_a_parameter(lo: float, exponent: float, at: float, area: float, slope: float, backend: str) -> None:
+    """The derivative at t = 0 and near it was 0, and [x³ < -0.3] had the area 0: bounds took no power for negative."""
+    x, t, p = teg.var("x"), teg.param("t"), teg.param("p")
+    f = teg.compile(teg.integral(teg.bracket(x**p < t), (x, lo, 1)), [t], backend=backend)
+    value, gradient = f.value_and_grad(t=at, p=exponent)
+    assert value == pytest.approx(area, rel=1e-12, abs=1e-300)
+    assert gradient["t"] == pytest.approx(slope, rel=1e-12)

@@ -16,7 +16,7 @@ from typing import cast
 
 from teg.analysis.breaks import MAX_BENDS, Breaks
 from teg.analysis.calculus import slope
-from teg.analysis.centres import Centres
+from teg.analysis.centres import NARROW, Centre, Centres
 from teg.analysis.polynomial import Shadow
 from teg.analysis.projection import Turn
 from teg.analysis.roots import local_origin
@@ -39,8 +39,6 @@ PEAK = 8.5
 """A Gaussian is 0 to rounding beyond this many standard deviations: exp(-8.5²/2) = 2e-16."""
 NEAR = 8.0
 """A centre that is nearer than so many of its widths to a bound, or to another centre, is seen by the nodes around that."""
-NARROW = 1 / 64
-"""The largest width of a centre on a finite range, as a fraction of it, beside which a range is cut."""
 
 
 class Pieces:
@@ -157,7 +155,7 @@ class Pieces:
         """Returns the centres of integrands on an infinite range, without those that are near a bound or another centre, so that nodes see
         them anyway. A range that is infinite on both sides has at least one break, 0 if no centre is a number.
 
-        On a finite range the centres of infinite integrals inside count where they are narrow.
+        On a finite range the centres of integrals inside count where they are narrow.
         """
         node, out = group[0], self.out
         if all(self.rules.is_exact(i, home.depth) for i in group):
@@ -181,13 +179,17 @@ class Pieces:
         return tuple(places) if known else (0.0,)
 
     def _narrow_centres(self, group: Sequence[Integral], home: Level) -> tuple[Arg, ...]:
-        """Returns the places where centres of infinite inner integrals meet, those of less than NARROW of a finite range."""
+        """Returns the places where centres of inner integrals meet, those of less than NARROW of a finite range."""
         node, out = group[0], self.out
         places: list[Arg] = []
         for centre in dict.fromkeys(c for i in group for c in self.centres.met(i)):
-            narrow = positive(sub(mul(const(NARROW), call("magnitude", sub(node.hi, node.lo))), centre.width))
-            places.append(out.number(where(narrow, centre.place, const(math.nan)), home))
+            places.append(out.number(where(self._is_narrow(centre, node), centre.place, const(math.nan)), home))
         return (*places, *self._between(places, home))
+
+    @staticmethod
+    def _is_narrow(centre: Centre, node: Integral) -> Cond:
+        """Returns the condition that a centre is narrower than a part NARROW of a finite range."""
+        return positive(sub(mul(const(NARROW), call("magnitude", sub(node.hi, node.lo))), centre.width))
 
     def _between(self, places: Sequence[Arg], home: Level) -> list[Arg]:
         """Returns the middle of each pair of places: a piece has one bend, so it ends at one centre only."""
@@ -233,8 +235,9 @@ class Pieces:
                 bends.append(Bend(turn.kind, cast("tuple[Arg, Arg, Arg]", numbers), holds))
         met = [c for i in group for c in self.centres.met(i)] if isinstance(rule, Adaptive) else []
         for centre in list(dict.fromkeys(met))[: MAX_BENDS - len(bends)]:  # as narrow as if there were poles beside it
+            counts = is_unbounded(group[0]) or self.out.truths(self._is_narrow(centre, group[0]), home)[0]
             for side in (sub(centre.place, centre.width), add(centre.place, centre.width)):
-                bends.append(Bend("pole", (self.out.number(sub(base, side), home), 1.0, 0.0)))
+                bends.append(Bend("pole", (self.out.number(sub(base, side), home), 1.0, 0.0), counts))
         return self.out.number(base, home) if bends else 0.0, tuple(bends)
 
     def watched(self, bodies: Sequence[Expr], level: Level) -> tuple[str, ...]:

@@ -18,7 +18,8 @@ from typing import cast
 
 from teg.analysis.extents import Extent, extent
 from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Call, Const, Expr, Mul, Pow, Var, const
-from teg.ir.node import Node
+from teg.ir.integral import Integral
+from teg.ir.node import Node, postorder
 from teg.ir.simplify import add, call, integer_power, mul, positive, sub, where
 
 LARGE = 200.0
@@ -179,9 +180,9 @@ def _terms_and_factors(e: Expr) -> Iterator[Expr]:
 
 def _exponent_of(node: Expr) -> Expr | None:
     """Returns the logarithm of the size of an exponential or a large power; None for other nodes."""
-    if isinstance(node, Pow) and abs(node.exponent) >= STEEP and not node.base.has_integral:
+    if isinstance(node, Pow) and abs(node.exponent) >= STEEP and not _varies_inside(node.base):
         return mul(const(node.exponent), call("log", call("magnitude", node.base)))
-    if not isinstance(node, Call) or node.has_integral:
+    if not isinstance(node, Call) or _varies_inside(node):
         return None
     match node.name:
         case "exp":
@@ -192,6 +193,11 @@ def _exponent_of(node: Expr) -> Expr | None:
             return mul(node.children[1], call("log", node.children[0]))
         case _:
             return None
+
+
+def _varies_inside(node: Expr) -> bool:
+    """Returns whether an integral in an expression depends on variables: it would be computed once more at every node."""
+    return node.has_integral and any(isinstance(n, Integral) and n.free for n in postorder([node]))
 
 
 def _sign(u: Expr) -> Expr:

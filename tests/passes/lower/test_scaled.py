@@ -78,3 +78,12 @@ def test_products_that_cannot_overflow_stay() -> None:
         assert known.product(e, here) is None
     assert known.product(exp(t) / (1 + exp(t)) ** 2, here) is not None
     assert known.product(exp(t * x) * exp(a * y), lambda factor: factor.free) is None  # computed at different levels
+
+
+@pytest.mark.parametrize("backend", ["numpy", "c"])
+def test_a_constant_integral_in_an_exponent(backend: str) -> None:
+    """∫ sech(x - ½t) is π. The derivative was inf/inf, and the value beside it 0."""
+    e = teg.integral(1 / cosh(x - teg.integral(y * t, (y, 0, 1))), (x, -1e6, 1e6))
+    value, gradient = teg.compile(e, backend=backend).value_and_grad(t=1234.0)
+    assert value == pytest.approx(math.pi, rel=1e-10)
+    assert gradient["t"] == pytest.approx(0.0, abs=1e-9)
