@@ -71,6 +71,7 @@ def test_no_formula(g: teg.Expr) -> None:
     assert solve(g, x, ZERO, ONE) is None
 
 
+@pytest.mark.usefixtures("x64_for_jax")
 @pytest.mark.parametrize("backend", ["numpy", "c", pytest.param("jax", marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
     ("lo", "exponent", "at", "area", "slope"),
