@@ -196,6 +196,34 @@ def test_cells_that_are_not_looked_at_do_not_matter(by_cuts: Any, with_each: Any
             np.testing.assert_allclose(found.tables, plain.tables, rtol=0, atol=1e-12 * tables)
 
 
+def motion(triangles: Array, random: np.random.Generator) -> Array:
+    """Returns how the guards change as an affine map moves all corners: corners and edges that are together stay together."""
+    step, moved = 2.0**-12, triangles @ random.normal(size=(2, 2)) + random.normal(size=2)
+    return (guards(triangles + step * moved) - guards(triangles - step * moved)) / (2.0 * step)
+
+
+@pytest.mark.parametrize("scene", [scene for scene in SCENES if scene != "thin"])
+def test_second_derivatives_along_motions_are_those_of_the_plain_routine(with_each: Any, scene: str) -> None:
+    """Which of two coincident lines an edge belongs to may differ, hence single entries; not what a motion makes of all of them."""
+    shape, known = Layout(1, 3, 1, 1), 0
+    for seed in range(3):
+        random = np.random.default_rng([seed, len(scene)])
+        triangles = np.asarray(SCENES[scene](random))
+        n = len(triangles)
+        first, second = (motion(triangles, random).reshape(n, 9) for _ in range(2))
+        changes = [random.normal(size=(n, 3)), random.normal(size=(n, shape.coefficients))]
+        bodies = random.normal(size=(n, shape.coefficients))
+        rows = np.concatenate([guards(triangles).reshape(n, 9), keys("crossing", n, random), bodies, first, *changes], axis=1)
+        otherwise = random.normal(size=2 * shape.coefficients)
+        found, expected = with_each(shape, rows, otherwise), integrals(shape, rows.tolist(), otherwise.tolist(), True)
+        for part in (0, shape.columns):
+            here, there = (np.sum(np.asarray(t.tables)[0, :n, part : part + 9] * second) for t in (found, expected))
+            known += bool(np.isfinite(there))
+            if np.isfinite(there):
+                np.testing.assert_allclose(here, there, rtol=1e-9, atol=1e-9)
+    assert known
+
+
 @pytest.mark.parametrize("shape", [Layout(1, 3, 0), Layout(1, 3, 1), Layout(1, 3, 2), Layout(1, 0, 1), Layout(2, 3, 1)], ids=str)
 def test_a_square_of_one_owner_needs_no_cells(with_each: Any, shape: Layout) -> None:
     """No candidate, and one that covers the square, or touches its side, or ends in it, or is not a number: as the plain routine."""
