@@ -194,3 +194,13 @@ def signed_between(under_hi: Cond, under_lo: Cond, order: int, weight: Expr) -> 
 def free_of(e: Node, variables: Iterable[Var]) -> bool:
     """Returns whether none of these variables occurs free in e."""
     return not any(v in e.free for v in variables)
+
+
+def is_affine(g: Expr, variables: Sequence[Var]) -> bool:
+    """Returns whether g is affine in some variables together, and depends on each of them."""
+    if Shadow(tuple(variables)).degree(g) != 1:
+        return False
+    try:
+        return all(slope(g, v) is not ZERO for v in variables)
+    except NotDifferentiableError:
+        return False

@@ -10,19 +10,20 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
+from teg.analysis.nest import Binder
 from teg.ir.expr import MINUS_ONE, ONE, ZERO, Const, Expr, Var
 from teg.ir.integral import Integral
 from teg.ir.simplify import add, div, integer_power, sub
 from teg.ir.traverse import fresh
 
 
-def infinite_ends(node: Integral) -> tuple[float, float]:
+def infinite_ends(node: Integral | Binder) -> tuple[float, float]:
     """Returns the bounds that are infinite as written, and 0 for the others."""
     lo, hi = (float(b.data) if isinstance(b, Const) and math.isinf(b.data) else 0.0 for b in (node.lo, node.hi))
     return lo, hi
 
 
-def is_unbounded(node: Integral) -> bool:
+def is_unbounded(node: Integral | Binder) -> bool:
     """Returns whether a bound is infinite as written."""
     return infinite_ends(node) != (0.0, 0.0)
 

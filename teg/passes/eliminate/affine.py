@@ -25,9 +25,9 @@ from teg.analysis.calculus import slope
 from teg.analysis.expanded import distance
 from teg.analysis.guards import middle_and_reach, support
 from teg.analysis.nest import Binder, Chain, nest, ranges_of
-from teg.analysis.polynomial import Point, Shadow
-from teg.analysis.surfaces import below, free_of, ordered, restrict, signed_between, signed_inside
-from teg.errors import NotDifferentiableError
+from teg.analysis.polynomial import Point
+from teg.analysis.surfaces import below, free_of, is_affine, ordered, restrict, signed_between, signed_inside
+from teg.analysis.tails import is_unbounded
 from teg.ir import expr as ex
 from teg.ir import simplify
 from teg.ir.expr import MINUS_ONE, ONE, TRUE, ZERO, And, Call, Compare, Cond, Const, Expr, Not, Param, Var, const
@@ -36,6 +36,7 @@ from teg.ir.simplify import add, call, conjunction, disjunction, div, mul, negat
 from teg.ir.traverse import fresh, rewrite, substitute
 from teg.numerics.field import residue
 from teg.passes.eliminate.barycentric import Along
+from teg.passes.eliminate.univariate import sum_over_roots
 from teg.passes.eliminate.vertices import Side, match_side
 
 
@@ -66,10 +67,10 @@ def match_partly_affine(g: Expr, variables: Sequence[Var]) -> Affine | None:
         if first not in g.free:
             continue
         chosen = [first]
-        if not _is_affine(g, chosen):
+        if not is_affine(g, chosen):
             continue
         for other in variables:
-            if other is not first and other in g.free and _is_affine(g, [*chosen, other]):
+            if other is not first and other in g.free and is_affine(g, [*chosen, other]):
                 chosen.append(other)
         if len(chosen) > len(best):
             best = chosen
@@ -110,23 +111,13 @@ def _is_the_same_everywhere(e: Expr) -> bool:
     return values[0] is not None and values[0] == values[1]
 
 
-def _is_affine(g: Expr, variables: Sequence[Var]) -> bool:
-    shadow = Shadow(tuple(variables))
-    if shadow.degree(g) != 1:
-        return False
-    try:
-        return all(slope(g, v) is not ZERO for v in variables)
-    except NotDifferentiableError:
-        return False
-
-
 def rewrite_affine(g: Expr, coefficient: Expr, chain: Chain, data: Affine) -> Expr | None:
     """Returns ∫ over the chain (outermost first) of coefficient·δ(g), without δ; None if the ranges of the variables are not known."""
     chosen = [b for b in chain if b.var in data.variables]
     others = tuple(b for b in chain if b.var not in data.variables)
     ranges = ranges_of(chosen)
     if ranges is not None and any(isinstance(e, Const) and math.isinf(e.data) for ends in ranges for e in ends):
-        return None  # of one variable only; for several variables the bounds are finite already
+        return _solved(g, coefficient, chain, chosen) if len(chosen) > 1 else None  # a root in one variable is another family
     if ranges is None or not all(free_of(e, [r.var for r in others]) for b in chosen for e in (b.lo, b.hi)):
         return None
     corner = {b.var: lo for b, (lo, _) in zip(chosen, ranges, strict=True)}
@@ -158,6 +149,33 @@ def rewrite_affine(g: Expr, coefficient: Expr, chain: Chain, data: Affine) -> Ex
     return nest(value, (*(Binder(s, ZERO, ONE) for s in unit), *others))
 
 
+def _solved(g: Expr, coefficient: Expr, chain: Chain, chosen: Sequence[Binder]) -> Expr | None:
+    """Returns the integral with one variable solved for the others, where extents are infinite: the one with the largest slope, chosen at
+    run time if no slope is a number. Other bounds must not depend on that variable; None if it cannot be known to be there.
+
+    Among the variables whose slopes are numbers one of infinite extent is taken, if there is one: the others have closed ends.
+    """
+    inner = [b for b in chosen if all(free_of(e, (b.var,)) for c in chain for e in (c.lo, c.hi))]
+    known = [b for b in inner if isinstance(slope(g, b.var), Const)]
+    endless = [b for b in known if is_unbounded(b)]
+    candidates = (endless or known)[-1:] or inner
+    if not known and len(inner) < len(chosen):
+        return None
+    terms: list[Expr] = []
+    for b in candidates:
+        total = sum_over_roots(g, coefficient, b, (b.var,))
+        if total is None:
+            return None
+        terms.append(nest(total, tuple(c for c in chain if c is not b)))
+    if len(terms) == 1:
+        return terms[0]
+    at = dict.fromkeys((b.var for b in chosen), ZERO)
+    slopes = [cast(Expr, substitute(slope(g, b.var), at)) for b in candidates]
+    pivots = _pivot_conditions(slopes, [ONE] * len(slopes))
+    there = disjunction(*(positive(_magnitude(a)) for a in slopes))
+    return where(there, _select(pivots, terms), ZERO)
+
+
 def _between_vertices(
     g: Expr, coefficient: Expr, chosen: Sequence[Binder], ranges: Sequence[tuple[Expr, Expr]], side: Side, met: Cond
 ) -> Expr:
@@ -183,7 +201,7 @@ def _meeting(g: Expr, coefficient: Expr, corner: dict[Var, Expr], extents: list[
         if (
             not isinstance(atom, Compare)
             or not set(atom.g.free) <= set(corner)
-            or not _is_affine(atom.g, [v for v in corner if v in atom.g.free])
+            or not is_affine(atom.g, [v for v in corner if v in atom.g.free])
         ):
             continue
         middle, reach = middle_and_reach(atom.g, corner, extents)
