@@ -43,7 +43,7 @@ from teg.passes.differentiate.forward import tangent_of
 from teg.passes.differentiate.missed_cuts import MissedCuts
 from teg.passes.differentiate.reverse import gradient_of
 from teg.passes.eliminate.edge_mc import EdgeMc
-from teg.passes.eliminate.families import closing, eliminate_deltas, families_with
+from teg.passes.eliminate.families import closing, eliminate_deltas, families_with, is_endless
 from teg.passes.eliminate.implicit import with_deltas
 from teg.passes.intrinsics import boundary_terms, intrinsics_for
 from teg.passes.lower.integrals import schedule
@@ -90,7 +90,7 @@ def eliminations(keep_moving: bool, maps: Maps, canonical: Canonical, remarks: R
     """Returns the passes that remove δ; with `keep_moving`, those deltas stay that are carried along when the program is differentiated
     again."""
     return [
-        ("finite bounds", with_finite_bounds),
+        ("finite bounds", partial(with_finite_bounds, endless=is_endless)),
         ("eliminate", partial(eliminate_deltas, keep_moving=keep_moving, families=families_with(maps), remarks=remarks)),
         ("canonicalise", canonical),  # sifting makes new atoms
     ]
@@ -227,7 +227,7 @@ def compiled_outputs(
         raw: Expr = run_pass("adjoint", partial(gradient_of, wrt=wrt), source)
         last = order + 1 == orders
         if sifted:
-            raw = run_pass("finite bounds", with_finite_bounds, raw)
+            raw = run_pass("finite bounds", partial(with_finite_bounds, endless=is_endless), raw)
         if not last and sifted:  # deltas that are carried along are eliminated beside, not before, the next derivative
             raw = run_pass("eliminate", partial(eliminate_deltas, keep_moving=True, families=families, remarks=remarks), raw)
         outputs.append(run_pass(estimator.name, estimate, raw))

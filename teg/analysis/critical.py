@@ -6,6 +6,7 @@ region {g > 0} is a point, or the curve g = 0 is two crossing lines; the derivat
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import cast
@@ -13,6 +14,7 @@ from typing import cast
 from teg.analysis.calculus import slope
 from teg.analysis.nest import Binder
 from teg.analysis.polynomial import Shadow
+from teg.analysis.tails import infinite_ends
 from teg.ir.expr import MINUS_ONE, ONE, TRUE, ZERO, Cond, Expr, Var, const
 from teg.ir.show import show
 from teg.ir.simplify import add, call, conjunction, disjunction, integer_power, mul, positive, sub, where
@@ -43,7 +45,8 @@ def critical_point(g: Expr, boxes: Sequence[Binder]) -> Critical | None:
     variables = [b.var for b in boxes]
     if not 2 <= len(boxes) <= 3 or Shadow(tuple(variables)).degree(g) != 2:
         return None
-    middle = {b.var: mul(const(0.5), add(b.lo, b.hi)) for b in boxes}
+    around = [_finite(b) for b in boxes]
+    middle = {b.var: mul(const(0.5), add(b.lo, b.hi)) for b in around}
     gradient = [slope(g, v) for v in variables]
     hessian = [[_at(slope(s, v), middle) for v in variables] for s in gradient]
     down = [mul(MINUS_ONE, _at(s, middle)) for s in gradient]
@@ -56,9 +59,29 @@ def critical_point(g: Expr, boxes: Sequence[Binder]) -> Critical | None:
         point[v] = add(middle[v], mul(_determinant(replaced), integer_power(whole, -1)))
     inside = conjunction(
         disjunction(positive(whole), positive(mul(MINUS_ONE, whole))),
-        *(positive(mul(sub(b.hi, point[b.var]), sub(point[b.var], b.lo)), strict=False) for b in boxes),
+        *(_between(point[b.var], b) for b in boxes),
     )
-    return Critical(point, _at(g, point), whole, inside, _size(g, boxes, middle))
+    return Critical(point, _at(g, point), whole, inside, _size(g, around, middle))
+
+
+def _finite(b: Binder) -> Binder:
+    """Returns a box of length 1 at the finite end of an infinite range, of length 2 around 0 if there is none; else the box itself."""
+    lo, hi = infinite_ends(b)
+    if not lo and not hi:
+        return b
+    end = add(b.lo if hi else b.hi, const(math.copysign(1.0, lo or hi)))
+    return Binder(b.var, const(-1.0), ONE) if lo and hi else Binder(b.var, b.lo if hi else end, b.hi if lo else end)
+
+
+def _between(point: Expr, b: Binder) -> Cond:
+    """Returns whether a point is between the bounds, in either order."""
+    lo, hi = infinite_ends(b)
+    if lo and hi:
+        return TRUE
+    if lo or hi:
+        away = sub(point, b.lo if hi else b.hi)
+        return positive(away if lo + hi > 0.0 else mul(MINUS_ONE, away), strict=False)
+    return positive(mul(sub(b.hi, point), sub(point, b.lo)), strict=False)
 
 
 def is_above_birth(g: Expr, critical: Critical) -> Cond:
@@ -91,8 +114,9 @@ def infinite_at_saddle(g: Expr, coefficient: Expr, boxes: Sequence[Binder]) -> E
         return ZERO
     near = positive(sub(mul(const(ROUNDING), critical.size), call("magnitude", critical.value)), strict=False)
     saddle = positive(mul(MINUS_ONE, critical.determinant))
-    middle = {b.var: mul(const(0.5), add(b.lo, b.hi)) for b in boxes}
-    there, nothing = _at(coefficient, critical.point), mul(const(NOTHING), _size(coefficient, boxes, middle))
+    around = [_finite(b) for b in boxes]
+    middle = {b.var: mul(const(0.5), add(b.lo, b.hi)) for b in around}
+    there, nothing = _at(coefficient, critical.point), mul(const(NOTHING), _size(coefficient, around, middle))
     endless = const(float("inf"))
     signed = where(
         positive(sub(there, nothing)), endless, where(positive(sub(mul(MINUS_ONE, there), nothing)), mul(MINUS_ONE, endless), ZERO)

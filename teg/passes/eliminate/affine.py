@@ -117,7 +117,7 @@ def rewrite_affine(g: Expr, coefficient: Expr, chain: Chain, data: Affine) -> Ex
     others = tuple(b for b in chain if b.var not in data.variables)
     ranges = ranges_of(chosen)
     if ranges is not None and any(isinstance(e, Const) and math.isinf(e.data) for ends in ranges for e in ends):
-        return _solved(g, coefficient, chain, chosen) if len(chosen) > 1 else None  # a root in one variable is another family
+        return _solved(g, coefficient, chain, chosen)
     if ranges is None or not all(free_of(e, [r.var for r in others]) for b in chosen for e in (b.lo, b.hi)):
         return None
     corner = {b.var: lo for b, (lo, _) in zip(chosen, ranges, strict=True)}

@@ -85,7 +85,7 @@ class EdgeMc(Estimator):
 
 def _boundaries(e: Expr, wrt: Sequence[Param]) -> Sequence[Expr]:
     """Returns the derivatives as integrals over the interior and over clipped charts of the surfaces."""
-    raw = with_finite_bounds(gradient_of(e, wrt), planes=True)
+    raw = with_finite_bounds(gradient_of(e, wrt))
     return eliminate_deltas(raw, families=FAMILIES).children  # type: ignore[return-value]
 
 

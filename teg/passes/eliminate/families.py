@@ -10,7 +10,7 @@ of the integrals that take part; outer factors are moved inside.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from functools import partial
 from typing import Any, cast
 
@@ -18,19 +18,22 @@ from teg.analysis.calculus import slope
 from teg.analysis.nest import Binder, Chain, nest
 from teg.analysis.polynomial import Shadow
 from teg.analysis.remarks import Remarks
+from teg.analysis.roots import solve
 from teg.analysis.sift import deltas_of, linear_part, without
-from teg.errors import DeltaError, NoReparameterisationError
+from teg.analysis.surfaces import is_affine
+from teg.analysis.tails import is_unbounded
+from teg.errors import DeltaError, NoReparameterisationError, NotDifferentiableError
 from teg.ir.expr import ZERO, Cond, Const, Expr, Mul, Var, Where
 from teg.ir.integral import Delta, Integral, delta, integral_over
 from teg.ir.node import Node, postorder
 from teg.ir.simplify import add, conjunction, mul, where
-from teg.ir.traverse import rebuild, rename_apart
+from teg.ir.traverse import fresh, rebuild, rename_apart
 from teg.maps.diffeomorphism import Diffeomorphism, checked_maps
 from teg.passes.eliminate.affine import Affine, match_affine, match_partly_affine, match_turning, rewrite_affine
 from teg.passes.eliminate.bilinear import match_bilinear, rewrite_bilinear
 from teg.passes.eliminate.conic import match_conic, rewrite_conic
 from teg.passes.eliminate.crossings import match_curve, rewrite_curve
-from teg.passes.eliminate.implicit import match_implicit, rewrite_implicit
+from teg.passes.eliminate.implicit import MAX_CHARTS, Implicit, match_implicit, rewrite_by_formulas, rewrite_implicit
 from teg.passes.eliminate.mapped import user_families
 from teg.passes.eliminate.steep import Graph, match_steep, rewrite_steep
 from teg.passes.eliminate.univariate import match_solvable, rewrite_solvable
@@ -126,6 +129,27 @@ def eliminate_deltas(root: Expr, keep_moving: bool = False, families: Families =
     return root
 
 
+def is_endless(g: Expr, mine: Sequence[Var], outer: Collection[Var]) -> bool:
+    """Returns whether a surface is followed however far its variables run, given innermost first: a plane, an ellipse, or one with formulas
+    for its roots in each variable. Bounds depend on the variables of `outer`: only a plane may have one of these, if its slope along
+    another variable is a number."""
+    in_box = not any(v in outer for v in mine)
+    if is_affine(g, mine):
+        return in_box or any(v not in outer and isinstance(slope(g, v), Const) for v in mine)
+    return in_box and (match_conic(g, mine) is not None or has_formulas(g, mine))
+
+
+def has_formulas(g: Expr, mine: Sequence[Var]) -> bool:
+    """Returns whether all roots in each of two or three variables have formulas, whatever the bounds are."""
+    if not 2 <= len(mine) <= MAX_CHARTS:
+        return False
+    somewhere = fresh("lo", g.free), fresh("hi", g.free)
+    try:
+        return all((roots := solve(g, v, *somewhere)) is not None and roots.certain and slope(g, v) is not ZERO for v in mine)
+    except NotDifferentiableError:
+        return False
+
+
 def without_steep_graphs(g: Expr, data: Any, boxes: Sequence[Binder]) -> tuple[Any, Rewrite] | None:
     """Returns the family that replaces a graph where it is steep; or None.
 
@@ -179,7 +203,7 @@ class _Elimination:
                     g,
                     "it needs a variable of integration",
                 )
-            family = find_family(g, mine, self.families)
+            family = self._endless(g, mine) or find_family(g, mine, self.families)
             if family is None:
                 raise NoReparameterisationError(
                     f"no reparameterisation is known for the surface {_describe(g, mine)}",
@@ -187,12 +211,19 @@ class _Elimination:
                     "its value, and derivatives that do not move it, work. Moving it needs a formula for one variable: write the condition "
                     "so that a variable stands alone, y < f(x, t), or without an integral over its own variable",
                 )
-            steep = without_steep_graphs(g, family[0], [self.binders[v] for v in reversed(mine)])
+            boxes = [self.binders[v] for v in reversed(mine)]
+            steep = None if any(map(is_unbounded, boxes)) else without_steep_graphs(g, family[0], boxes)
             if steep is not None and not (self.keep_moving and isinstance(steep[0], Graph)):
                 family = steep
                 self.reasons[g] = STEEP
             self.decisions[g] = family
         return self.decisions[g]
+
+    def _endless(self, g: Expr, mine: Sequence[Var]) -> tuple[Any, Rewrite] | None:
+        """Returns the charts by formulas of a surface in several variables that run to infinity, if it is no plane and no ellipse."""
+        if len(mine) < 2 or not any(is_unbounded(self.binders[v]) for v in mine) or is_affine(g, mine) or match_conic(g, mine) is not None:
+            return None
+        return (Implicit(tuple(reversed(mine))), rewrite_by_formulas) if has_formulas(g, mine) else None
 
     def _integral(self, node: Integral) -> Expr:
         x = node.var

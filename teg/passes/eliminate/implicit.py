@@ -19,13 +19,15 @@ from teg.analysis.calculus import slope
 from teg.analysis.critical import critical_point, infinite_at_saddle, is_above_birth, least_height
 from teg.analysis.isolation import isolate, widened
 from teg.analysis.nest import Binder, Chain, divided, nest
+from teg.analysis.roots import solve
 from teg.analysis.surfaces import ordered, restrict, signed_inside
+from teg.analysis.tails import is_unbounded
 from teg.errors import NotDifferentiableError
 from teg.ir.expr import MINUS_ONE, ONE, ZERO, Expr, Var
 from teg.ir.integral import Integral, PointMasses, delta, integral_over, masses_of
 from teg.ir.node import Node, postorder
 from teg.ir.simplify import add, call, integer_power, mul, sub, where
-from teg.ir.traverse import rebuild, replace_node
+from teg.ir.traverse import rebuild, replace_node, substitute
 
 MAX_CHARTS = 3
 
@@ -71,6 +73,36 @@ def rewrite_implicit(g: Expr, coefficient: Expr, chain: Chain, data: Implicit, p
                 inside = signed_inside(b.var, b.lo, b.hi, g, b, inside)
         summed = integral_over(inside, box.var, *widened(box.lo, box.hi))
         charts.append(nest(summed, (*(b for b in boxes if b is not box), *others)))
+    if not others:
+        charts.append(infinite_at_saddle(g, coefficient, boxes))
+    return add(*charts)
+
+
+def rewrite_by_formulas(g: Expr, coefficient: Expr, chain: Chain, data: Implicit, power: int = 4) -> Expr | None:
+    """Returns the same sum over charts for a surface that can be solved for each variable, over ranges that may be infinite: the roots have
+    formulas, so they are not isolated, and infinite extents count as 1. None if the range of a variable is not known."""
+    parts = divided(chain, data.variables)
+    if parts is None:
+        return None
+    mine, others, boxes = parts
+    slopes = [slope(g, b.var) for b in mine]
+    weights = _chart_weights(slopes, [b if not is_unbounded(b) else Binder(b.var, ZERO, ONE) for b in boxes], power)
+    surface = _apart_from_birth(g, boxes)
+    charts = []
+    for i, box in enumerate(boxes):
+        roots = solve(surface, box.var, box.lo, box.hi)
+        if roots is None or not roots.certain:
+            return None
+        terms = []
+        for root in roots.found:
+            at = {box.var: root.point}
+            inside = restrict(mul(weights[i], coefficient), at, g, tuple(b.var for b in reversed(mine)))
+            for b, limits in zip(mine, boxes, strict=True):
+                if b.var is box.var or (limits.lo, limits.hi) != (b.lo, b.hi):
+                    lo, hi = (cast(Expr, substitute(e, at)) for e in (b.lo, b.hi))
+                    inside = signed_inside(at.get(b.var, b.var), lo, hi, g, b, inside)
+            terms.append(where(root.exists, inside, ZERO))
+        charts.append(nest(add(*terms), (*(b for b in boxes if b is not box), *others)))
     if not others:
         charts.append(infinite_at_saddle(g, coefficient, boxes))
     return add(*charts)
