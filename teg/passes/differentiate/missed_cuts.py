@@ -10,19 +10,23 @@ at run time, allow the cut. Linear.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import cast
 
+from teg.analysis.evaluate import values_of
 from teg.analysis.intervals import Enclosure, Interval
-from teg.errors import NotDifferentiableError
-from teg.ir.expr import MINUS_ONE, TRUE, Call, Compare, Cond, Expr, Param, Pow, Tuple, Var, const
+from teg.errors import NotDifferentiableError, OperandError
+from teg.ir.expr import MINUS_ONE, TRUE, Call, Compare, Cond, Expr, Param, Tuple, Var, const
 from teg.ir.integral import Integral
-from teg.ir.node import Node, postorder
+from teg.ir.node import Node
 from teg.ir.simplify import add, call, conjunction, disjunction, mul, positive, tuple_of, where
 from teg.ir.traverse import parameters
 from teg.passes.normalise.cuts import cut_angles, linear_in_angle
 
 NO_NUMBER = const(float("nan"))
+TRIALS, SAME = 8, 1e-9
+"""Points at which both sides of a cut are compared, and how much they may differ."""
 
 
 class MissedCuts:
@@ -65,18 +69,25 @@ class MissedCuts:
 
 
 def _missed(g: Expr) -> list[Call]:
-    """Returns the angles in a condition whose cut counts: not that of θ² < t, which is none, nor one that stays in θ < t, whose roots have
-    formulas."""
+    """Returns the angles in a condition whose cut counts: not that of θ² < t or r < cos 5θ, which is none, nor one that stays in θ < t,
+    whose roots have formulas."""
     _, angle, rest = linear_in_angle(g)
     if not g.free or (angle is not None and not rest.free and not parameters(angle.children[0])):
         return []
-    squared = {n.base for n in postorder([g]) if isinstance(n, Pow) and n.exponent % 2 == 0}
-    return [a for a in cut_angles(g) if a not in squared or _occurs_bare(g, a)]
+    return [a for a in cut_angles(g) if _jumps(g, a)]
 
 
-def _occurs_bare(g: Expr, angle: Call) -> bool:
-    """Returns whether an angle occurs outside of even powers."""
-    return any(angle in n.children and not (isinstance(n, Pow) and n.exponent % 2 == 0) for n in postorder([g]))
+def _jumps(g: Expr, angle: Call) -> bool:
+    """Returns whether g has other values at an angle of π than at -π: asked at random points, where that is a matter of rounding."""
+    import numpy as np  # imported here, so that `import teg` stays fast
+
+    random = np.random.default_rng(len(g.free))
+    points = {s: random.uniform(0.2, 0.8, TRIALS) for s in (*g.free, *parameters(g))}
+    try:
+        (one,), (other,) = (values_of([g], {**points, angle: sign * math.pi}) for sign in (1.0, -1.0))
+    except OperandError:
+        return True
+    return not bool(np.allclose(one, other, rtol=SAME, atol=SAME))
 
 
 def _met(v: Expr, u: Expr, around: Sequence[Integral]) -> Cond:

@@ -60,3 +60,13 @@ def test_conditions_that_lack_no_cut(condition: teg.Expr, at: dict[str, float]) 
     for name in at:
         change = (f(**{**at, name: at[name] + 1e-4}) - f(**{**at, name: at[name] - 1e-4})) / 2e-4
         assert gradient[name] == pytest.approx(change, rel=1e-6, abs=1e-6)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_flower_has_no_cut(backend: str) -> None:
+    """cos 5θ is the same on both sides of the cut: the area is πt²(1 + a²/2)."""
+    radius = t * (1 + a * teg.cos(5 * teg.atan2(y, x)))
+    f = teg.compile(teg.integral(teg.bracket(teg.sqrt(x**2 + y**2) < radius), (x, -1, 1), (y, -1, 1)), [t, a], backend=backend)
+    gradient = f.grad(t=0.5, a=0.3)
+    assert gradient["t"] == pytest.approx(math.pi * 1.045, rel=1e-9)
+    assert gradient["a"] == pytest.approx(math.pi * 0.25 * 0.3, rel=1e-9)
