@@ -70,7 +70,8 @@ class Centres:
             for inner in outermost_integrals([node.body], x):
                 for first, second in self._pairs(inner):
                     apart = sub(first.place, second.place)
-                    if not apart.free & outside and self.degrees.of(apart, x) == 1:
+                    widths = first.width.free | second.width.free
+                    if not (apart.free | widths) & outside and x not in widths and self.degrees.of(apart, x) == 1:
                         rate = call("magnitude", self._at_0(slope(apart, x), x))
                         width = div(add(first.width, second.width), rate)
                         found.setdefault(self.key(apart), Centre(self._root(apart, x), width))
