@@ -21,7 +21,7 @@ pytestmark = in_c
 STRICT = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror"]
 SOURCE = """
 import teg
-V, F = teg.array("V", 2), teg.indices("F", 2)
+V, F = teg.array("scene_V", 2), teg.indices("scene_F", 2)  # names of their own: their order is that of their first creation
 k, j = teg.index("k"), teg.index("j")
 x, (t, n) = teg.var("x"), teg.params("t n")
 length = teg.sum(
@@ -82,14 +82,14 @@ def evaluated(source: Path) -> tuple[Any, dict[str, Any]]:
     space: dict[str, Any] = {}
     exec(SOURCE, space)
     f = teg.compile(space["e"], backend="numpy")
-    return f, {"V": np.stack([VERTICES, VERTICES[::-1]]), "F": FACES, "t": [0.5, 2.0], "n": 4}
+    return f, {"scene_V": np.stack([VERTICES, VERTICES[::-1]]), "scene_F": FACES, "t": [0.5, 2.0], "n": 4}
 
 
 @pytest.mark.parametrize("flags", [("-O2",), ("-O1", "-fopenmp"), ("-O1", "-fsanitize=undefined,address")])
 def test_value_and_gradient(source: Path, tmp_path: Path, flags: tuple[str, ...], capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["compile", str(source), "--target", "c", "-o", str(tmp_path / "scene.c")]) == 0
     head, names = re.search(r"(value and gradient of scene)\((.*)\)", capsys.readouterr().out).groups()  # type: ignore[union-attr]
-    assert (head, sorted(names.split(", "))) == ("value and gradient of scene", ["F", "V", "n", "t"])
+    assert (head, sorted(names.split(", "))) == ("value and gradient of scene", ["n", "scene_F", "scene_V", "t"])
     f, given = evaluated(source)
     value, slopes = f.value_and_grad(given)
     wanted = dict(zip(f.output_names(1), [*value, *(slopes[p.name][i] for i in range(2) for p in f.wrt)], strict=True))
@@ -104,7 +104,7 @@ def test_the_header_names_arrays_and_outputs(source: Path, tmp_path: Path) -> No
     main(["compile", str(source), "--derivatives", "1", "-o", str(tmp_path / "scene.c")])
     header = (tmp_path / "scene.h").read_text()
     for text in ("V, 2 dimensions of double", "F, 2 dimensions of int64_t", "n, a whole number", "out[1]  value[1]",
-                 "d value[0] / d V, an array of the shape of a[0]", "#define SCENE_ARRAYS 2", "NOT checked"):  # fmt: skip
+                 "d value[0] / d scene_V, an array of the shape of a[0]", "#define SCENE_ARRAYS 2", "NOT checked"):  # fmt: skip
         assert text in header
     assert max(map(len, header.splitlines())) <= 140
     if shutil.which("g++"):
@@ -116,14 +116,14 @@ def test_the_second_order_is_the_product_with_a_direction(source: Path, tmp_path
     assert main(["compile", str(source), "--derivatives", "2", "-o", str(tmp_path / "scene.c")]) == 0
     assert "Hessian times a direction" in capsys.readouterr().out
     header = (tmp_path / "scene.h").read_text()
-    assert "d2 value[1] / d V d direction, an array of the shape of a[0]" in header
+    assert "d2 value[1] / d scene_V d direction, an array of the shape of a[0]" in header
     f, given = evaluated(source)
     program = f.program(2)
-    directions = {"t": 0.5, "V": np.cos(np.arange(8.0)).reshape(4, 2)}
+    directions = {"t": 0.5, "scene_V": np.cos(np.arange(8.0)).reshape(4, 2)}
     from teg.backends.c.loops import compile_c_arrays
 
     numbers_given = {"t": np.array([0.5, 2.0]), "n": np.array(4.0), "∂t": np.array(0.5)}
-    arrays = {"V": given["V"], "F": FACES, "∂V": directions["V"]}
+    arrays = {"scene_V": given["scene_V"], "scene_F": FACES, "∂scene_V": directions["scene_V"]}
     columns = [numbers_given[name] for name in program.parameters]
     found = compile_c_arrays(program).results(columns, [arrays[a.name] for a in program.arrays], 2).values
     product = f.hvp(given, directions)
@@ -148,7 +148,7 @@ def test_what_cannot_be_written(source: Path, tmp_path: Path, capsys: pytest.Cap
 def test_explain_on_the_command_line(source: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["explain", str(source)]) == 0
     text = capsys.readouterr().out
-    assert "surfaces that move in Σ k: 0 .. length(F, 0)" in text
+    assert "surfaces that move in Σ k: 0 .. length(scene_F, 0)" in text
     assert "V[F[k, 0], 0] - x = 0" in text
     assert "loops of the program of value and gradient" in text
     assert main(["explain", str(source), "--json"]) == 0
