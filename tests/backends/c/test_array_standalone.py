@@ -149,7 +149,7 @@ def test_explain_on_the_command_line(source: Path, capsys: pytest.CaptureFixture
     assert main(["explain", str(source)]) == 0
     text = capsys.readouterr().out
     assert "surfaces that move in Σ k: 0 .. length(scene_F, 0)" in text
-    assert "V[F[k, 0], 0] - x = 0" in text
+    assert "scene_V[scene_F[k, 0], 0] - x = 0" in text
     assert "loops of the program of value and gradient" in text
     assert main(["explain", str(source), "--json"]) == 0
     assert '"index": "k"' in capsys.readouterr().out
