@@ -8,7 +8,8 @@ import jax
 
 FASTER = {"xla_cpu_use_fusion_emitters": False}
 """On CPUs XLA makes each kernel by a compiler of its own (MLIR), half of the time for programs of hundreds of small ones; without it
-kernels are printed as LLVM's code at once. Results have the same bits, and calls take as long (`tests/bench/jax_references.py`)."""
+kernels are printed as LLVM's code at once. Results are the same but for rounding, and calls take as long
+(`tests/bench/jax_references.py`)."""
 
 
 @lru_cache(maxsize=1)

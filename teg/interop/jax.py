@@ -134,8 +134,8 @@ class JaxFunction(FrameworkFunction):
             slopes = jax.jit(jax.grad(f), compiler_options=f.compiler_options)({"t": 0.5, "a": 2.0})
             float(slopes["t"])  # 0.25
 
-        Results have the same bits, and calls take as long. JAX takes options for a whole program only; calls outside of any `jit` have them
-        already. Empty where this version of XLA does not know them.
+        Results are the same but for rounding, and calls take as long. JAX takes options for a whole program only; calls outside of any
+        `jit` have them already. Empty where this version of XLA does not know them.
         """
         from teg.backends.jax.options import compiler_options
 

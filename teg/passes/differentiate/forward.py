@@ -325,11 +325,15 @@ def _transported(chain: Chain, weight: Expr, d: Delta, direction: Direction) -> 
     for i, b in enumerate(chain):
         for bound, sign in ((b.hi, ex.ONE), (b.lo, MINUS_ONE)):
             rate = sub(tangent_of(bound, along), along.get(b.var, ZERO))
-            if rate is ZERO or not substitute(g, {b.var: bound}).free:
-                continue
+            if rate is ZERO or _is_infinite(bound) or not substitute(g, {b.var: bound}).free:
+                continue  # nothing comes in from infinity
             inner = nest(mul(sign, rate, weight, d), chain[i + 1 :])
             terms.append(nest(restrict(inner, {b.var: bound}, bound_surface(b.var, bound), (b.var,)), chain[:i]))
     return add(*terms)
+
+
+def _is_infinite(bound: Expr) -> bool:
+    return isinstance(bound, Const) and math.isinf(bound.data)
 
 
 def _divergence(u: Expr, v: Var) -> Expr:

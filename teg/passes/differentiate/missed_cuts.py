@@ -17,15 +17,15 @@ from typing import cast
 from teg.analysis.evaluate import values_of
 from teg.analysis.intervals import Enclosure, Interval
 from teg.errors import NotDifferentiableError, OperandError
-from teg.ir.expr import MINUS_ONE, TRUE, Call, Compare, Cond, Expr, Param, Tuple, Var, const
+from teg.ir.expr import MINUS_ONE, TRUE, Call, Compare, Cond, Expr, Param, Tuple, Var, Where, const
 from teg.ir.integral import Integral
-from teg.ir.node import Node
+from teg.ir.node import Node, postorder
 from teg.ir.simplify import add, call, conjunction, disjunction, mul, positive, tuple_of, where
 from teg.ir.traverse import parameters
 from teg.passes.normalise.cuts import cut_angles, linear_in_angle
 
 NO_NUMBER = const(float("nan"))
-TRIALS, SAME = 8, 1e-9
+TRIALS, SAME = 64, 1e-9
 """Points at which both sides of a cut are compared, and how much they may differ."""
 
 
@@ -74,20 +74,37 @@ def _missed(g: Expr) -> list[Call]:
     _, angle, rest = linear_in_angle(g)
     if not g.free or (angle is not None and not rest.free and not parameters(angle.children[0])):
         return []
-    return [a for a in cut_angles(g) if _jumps(g, a)]
+    return [a for a in cut_angles(g) if any(_differs(part, a) for part in _parts(g, a))]
 
 
-def _jumps(g: Expr, angle: Call) -> bool:
-    """Returns whether g has other values at an angle of π than at -π: asked at random points, where that is a matter of rounding."""
+def _parts(g: Expr, angle: Call) -> list[Expr]:
+    """Returns g, and of choices in it that an angle takes part in what both branches and their conditions are: random points may all
+    choose one branch."""
+    parts = [g]
+    for node in postorder([g]):
+        if isinstance(node, Where):
+            inside = (node.then, node.otherwise, *(c.g for c in postorder([node.condition]) if isinstance(c, Compare)))
+            parts += [e for e in inside if angle in postorder([e])]
+    return parts
+
+
+def _differs(e: Expr, angle: Call) -> bool:
+    """Returns whether an expression has other values at an angle of π than at -π: asked at random points of all sizes, positive ones
+    among them, where it is a number. Linear."""
     import numpy as np  # imported here, so that `import teg` stays fast
 
-    random = np.random.default_rng(len(g.free))
-    points = {s: random.uniform(0.2, 0.8, TRIALS) for s in (*g.free, *parameters(g))}
+    random = np.random.default_rng(TRIALS)
+    size = 10.0 ** random.uniform(-1.0, 1.0, TRIALS)
+    points = {}
+    for symbol in (*e.free, *parameters(e)):
+        near = random.uniform(-1.0, 1.0, TRIALS)
+        points[symbol] = size * np.where(np.arange(TRIALS) % 2 == 0, near, np.abs(near))
     try:
-        (one,), (other,) = (values_of([g], {**points, angle: sign * math.pi}) for sign in (1.0, -1.0))
+        (one,), (other,) = (values_of([e], {**points, angle: sign * math.pi}) for sign in (1.0, -1.0))
     except OperandError:
         return True
-    return not bool(np.allclose(one, other, rtol=SAME, atol=SAME))
+    known = np.isfinite(one) & np.isfinite(other)
+    return not known.any() or not np.allclose(np.where(known, one, 0.0), np.where(known, other, 0.0), rtol=SAME, atol=SAME)
 
 
 def _met(v: Expr, u: Expr, around: Sequence[Integral]) -> Cond:

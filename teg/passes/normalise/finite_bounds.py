@@ -30,14 +30,21 @@ def with_finite_bounds(e: Expr, endless: Endless | None = None) -> Expr:
         return e
     outer = {v for n in integrals for v in n.lo.free | n.hi.free if isinstance(v, Var)}
     variables = list(dict.fromkeys(n.var for n in integrals))
-    charted: dict[Expr, bool] = {}
-    for g in {n.g for n in postorder([e]) if isinstance(n, Delta)}:
-        mine = [v for v in variables if v in g.free]
-        charted[g] = len(mine) > 1 and (endless is None or not endless(g, mine, outer))
+    surfaces: dict[Expr, list[Var]] = {}
+    for d in (n for n in postorder([e]) if isinstance(n, Delta)):
+        surfaces[d.g] = [v for v in variables if v in d.g.free]
+    charted = {g for g, mine in surfaces.items() if len(mine) > 1 and (endless is None or not endless(g, mine, outer))}
+    unbounded = {n.var for n in integrals if is_unbounded(n)}
+    waiting = list(charted)
+    while waiting:  # in the new variables of one surface another one is no longer endless
+        mapped = unbounded.intersection(surfaces[waiting.pop()])
+        more = [g for g, mine in surfaces.items() if g not in charted and len(mine) > 1 and not mapped.isdisjoint(mine)]
+        charted.update(more)
+        waiting += more
     return cast(Expr, rewrite([e], partial(_visit, charted))[e])
 
 
-def _visit(charted: dict[Expr, bool], old: Node, new: Node) -> Node:
+def _visit(charted: Collection[Expr], old: Node, new: Node) -> Node:
     if not isinstance(new, Integral) or not is_unbounded(new) or not _is_charted(old, charted):
         return new
     lo, hi = infinite_ends(new)
@@ -48,7 +55,7 @@ def _visit(charted: dict[Expr, bool], old: Node, new: Node) -> Node:
     return integral_over(mul(rate, cast(Expr, substitute(new.body, {new.var: place}))), s, *bounds)
 
 
-def _is_charted(node: Node, charted: dict[Expr, bool]) -> bool:
+def _is_charted(node: Node, charted: Collection[Expr]) -> bool:
     """Returns whether a δ inside stands on a surface of an integral's variable that needs finite extents."""
     assert isinstance(node, Integral)
-    return any(charted[n.g] for n in postorder([node.body]) if isinstance(n, Delta) and node.var in n.g.free)
+    return any(n.g in charted for n in postorder([node.body]) if isinstance(n, Delta) and node.var in n.g.free)

@@ -1,4 +1,4 @@
-"""Options of XLA: the same bits, in programs of users, in calls outside of `jit`, and none where XLA does not know them."""
+"""Options of XLA: the same results, in programs of users, in calls outside of `jit`, and none where XLA does not know them."""
 
 from __future__ import annotations
 

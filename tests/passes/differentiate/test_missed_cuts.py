@@ -70,3 +70,12 @@ def test_a_flower_has_no_cut(backend: str) -> None:
     gradient = f.grad(t=0.5, a=0.3)
     assert gradient["t"] == pytest.approx(math.pi * 1.045, rel=1e-9)
     assert gradient["a"] == pytest.approx(math.pi * 0.25 * 0.3, rel=1e-9)
+
+
+def test_a_cut_in_one_branch_only_is_reported() -> None:
+    """θ counts where x < -0.2, beside the cut; elsewhere θ² does, which has none."""
+    angle = teg.atan2(y, x)
+    g = teg.where(x < -0.2, angle * (1 + x * y), angle**2)
+    f = teg.compile(teg.integral(teg.bracket(g > t), (x, -1, 1), (y, -1, 1)), [t])
+    with pytest.warns(teg.AccuracyWarning, match="not a number"):
+        assert math.isnan(f.grad(t=0.5)["t"])

@@ -129,6 +129,33 @@ def test_derivatives_in_jax(name: str) -> None:
     assert teg.compile(e, [t, a, b], backend="jax").grad(AT)["t"] == pytest.approx(float(expected()), rel=1e-9)
 
 
+PAIRS = {
+    "a disk": x * x + y * y < t,
+    "a parabola and a line": (x * x < t + y) & (x + y < b),
+    "a disk and a line": (x * x + y * y < t) & (a * x + b * y < 0.8),
+    "two lines": (a * x + b * y < t) & (x - y < 0.8),
+}
+
+
+@pytest.mark.parametrize("name", PAIRS)
+def test_second_derivatives(name: str) -> None:
+    """Against differences of the gradient. Contributions of bounds at infinity were 0·∞."""
+    f, h = teg.compile(chance(PAIRS[name]), [t, a, b], backend="c"), 1e-3
+    hessian = f.hessian(AT)
+    for p in "tab":
+        at = {k: f.grad({**AT, p: AT[p] + k * h}) for k in (-3, -2, -1, 1, 2, 3)}
+        for q in "tab":
+            quotient = (45 * (at[1][q] - at[-1][q]) - 9 * (at[2][q] - at[-2][q]) + (at[3][q] - at[-3][q])) / (60 * h)
+            assert hessian[p, q] == pytest.approx(quotient, rel=1e-7, abs=1e-8), (p, q)
+
+
+def test_a_plane_shares_the_finite_coordinates_of_another_surface() -> None:
+    """Else the plane would be a curve in one finite variable and an infinite one."""
+    plane, quartic = teg.delta(a * x + b * y - t), teg.delta(x**4 + z**4 + x * z - t)
+    e = teg.integral((plane + quartic) * teg.exp(-x * x - y * y - z * z), *PLANE, (z, -OO, OO))
+    assert not any(is_unbounded(n) for n in postorder([with_finite_bounds(e, is_endless)]) if isinstance(n, Integral))
+
+
 @pytest.mark.parametrize(
     ("surface", "stays"),
     [(a * x + b * y - t, True), (x * x + y * y - t, True), (x * x - y - t, True), (x * y - t, True), (x**4 + x * y + y**4 - t, False)],
