@@ -147,7 +147,9 @@ def _pattern(stmt: Integrate) -> tuple[object, list[str]] | None:
 def _ends(breaks: Sequence[Arg], spell: Scope) -> tuple[list[str], str]:
     """Returns lines that write the ends of the pieces of (a, b), and the number of pieces. Of many breaks those inside are picked out."""
     count, many = len(breaks), len(breaks) > MANY
-    lines = packed(["ends[0] = a;", *(f"ends[{i}] = {spell(t) if many else f'teg_clamp({spell(t)}, a, b)'};" for i, t in enumerate(breaks, 1))])
+    lines = packed(
+        ["ends[0] = a;", *(f"ends[{i}] = {spell(t) if many else f'teg_clamp({spell(t)}, a, b)'};" for i, t in enumerate(breaks, 1))]
+    )
     if many:
         return [*lines, f"const int pieces = teg_breaks(ends, {count}, b);"], "pieces"
     return [*lines, f"ends[{count + 1}] = b;", *([f"teg_sort(ends + 1, {count});"] if count > 1 else [])], str(count + 1)
