@@ -29,6 +29,7 @@ from teg.ir.partition import Partition
 from teg.ir.simplify import add, integer_power, mul, where
 from teg.ir.traverse import substitute
 from teg.numerics.cells import MOST_DEGREE, MOST_GUARDS, Layout
+from teg.passes.normalise.piecewise import with_affine_atoms
 
 MOST_PARTS = 16
 KEY_DEGREE = 4
@@ -133,7 +134,7 @@ def _choice(body: Expr) -> _Choice:
                 condition = replace_integers(cast(Expr, n.condition), same)  # type: ignore[arg-type]
                 kinds[ZERO, rename_indices(condition)] = ZERO, condition
             case _:
-                raise Refused("it is a product")
+                raise Refused("it is a product of other factors than brackets and numbers")
     if len(kinds) > 1:
         raise Refused("two choices have different keys or conditions")
     ((key, condition),) = kinds.values()
@@ -145,7 +146,7 @@ def _choice(body: Expr) -> _Choice:
 def _partition(body: Expr, box: _Box) -> Expr:
     choice = _choice(indices_apart(body))  # so that candidates of one choice can be written with the index of another
     k = choice.over.index
-    parts = _disjunctive(choice.condition)
+    parts = _disjunctive(with_affine_atoms(choice.condition))
     guards = max(1, *(len(p) for p in parts))
     numbers: list[Expr] = []
     for part in parts:
