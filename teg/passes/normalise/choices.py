@@ -25,11 +25,8 @@ from teg.ir.node import Node, postorder
 from teg.ir.operands import as_number, less
 from teg.ir.simplify import add, bracket, conjunction, disjunction, integer_power, mul, negation, positive, sub, where
 from teg.ir.traverse import rebuild, replace_node
-from teg.passes.normalise.partitions import Refused, partitioned
+from teg.passes.normalise.partitions import MOST_WRITTEN, Refused, partitioned
 from teg.passes.normalise.sums import NeedsLengths
-
-MOST = {Nearest: 24, AnyOf: 256, Product: 256}
-"""The longest ranges that are written out."""
 
 
 def without_choices(root: Expr) -> Expr:
@@ -185,7 +182,7 @@ def _numbers(node: Ranged, reason: str) -> range:
             raise NeedsLengths(node)
         raise ArrayIndexError(f"this {what} must be written out ({reason}), and the number of its candidates is not known", node, hint)
     count = node.hi.data - node.lo.data
-    most = MOST[type(node)]
+    most = MOST_WRITTEN[type(node)]
     if count > most:
         raise ArrayIndexError(f"this {what} must be written out ({reason}), and has {count} candidates; {most} at most", node, hint)
     return range(node.lo.data, node.hi.data)
