@@ -31,6 +31,8 @@ NOISE = 10 * 2.0**-52
 """Coefficients of null rules below this part of the integral of |value| are roundings: the error is 0."""
 EDGE = 4 * 2.0**-52
 """How far an end of a piece may be off, relative to its distance from 0: of a thin piece that is much."""
+PLACED = 2.0**-52
+"""How far a node may be off, relative to its distance from 0: in a narrow interval that is much."""
 SPENT = 10.0
 """The errors of all intervals of a piece may add up to so many times what the error of one may be."""
 DEEP = 40
