@@ -27,6 +27,7 @@ import numpy.typing as npt
 
 from teg.backends.branches import with_selects
 from teg.backends.jax.alike import Rows, with_rows
+from teg.backends.jax.straight import straight
 from teg.backends.text import Dialect, assignment, inside, strict, value
 from teg.errors import BackendError, MissingPackageError
 from teg.numerics.polyhedra import SIDES
@@ -108,6 +109,9 @@ class JaxKernel:
         for k, body in enumerate(functions):
             scope[f"function_{k}"] = _made(body, dict(scope))
         self._kernel = _made(text, scope)
+        line = straight(program, DIALECT)
+        self.source += f"\n\n{line}" if line else ""
+        self._straight = _made(line, dict(scope), "straight") if line else None
         self._step = 1 << max(0, (LANES // _nodes(program.body)).bit_length() - 1)
         self._batched: dict[tuple[bool, ...], Callable[..., Any]] = {}
 
@@ -119,7 +123,8 @@ class JaxKernel:
         return _import_jax().numpy.stack(self.run(*arguments)[0])
 
     def run(self, *arguments: Any) -> tuple[tuple[Any, ...], Any]:
-        """The outputs and the note: were there ties, was a tolerance missed.
+        """The outputs and the note: were there ties, was a tolerance missed. Where the straight line of the program is right, these are
+        its outputs.
 
         Outputs are numbers, not an array: XLA would compute the array in one kernel, each entry of it in a branch of its own.
 
@@ -127,6 +132,24 @@ class JaxKernel:
         first one met a tie; of a batch (a mapped loop goes on while one of its lanes does) if it was met anywhere. Parameters depend on
         the turn, as far as XLA knows: else it takes all but the ties out of the loop, in many passes.
         """
+        if self._straight is None:
+            return self._exactly(arguments)
+        jnp = _import_jax().numpy
+        from teg.backends.jax.rarely import rarely
+
+        scalars = [jnp.asarray(argument, jnp.float64) for argument in arguments]
+        outputs, good = self._straight(_zero(scalars), *scalars)
+        found = [*(jnp.asarray(o, jnp.float64) for o in outputs), jnp.int32(0)]
+
+        def exact(*given: Any) -> list[Any]:
+            values, note = self._exactly(given)
+            return [*values, note]
+
+        *values, note = rarely(good, found, exact, *scalars)
+        return tuple(values), note
+
+    def _exactly(self, arguments: Sequence[Any]) -> tuple[tuple[Any, ...], Any]:
+        """The outputs in both orders of ties, and the note."""
         if not self.program.ties:
             return self._once(1, arguments)
         jax = _import_jax()
@@ -195,10 +218,14 @@ class JaxKernel:
         """The outputs with ties resolved by `order`, and the note."""
         jnp = _import_jax().numpy
         scalars = [jnp.asarray(argument, jnp.float64) for argument in arguments]
-        # always -0.0, which the compiler cannot know (see python_text)
-        zero = jnp.where(scalars[0] == ODD, TINY, -0.0) if scalars else jnp.float64(-0.0)
-        outputs, note = self._kernel(order, zero, *scalars)
+        outputs, note = self._kernel(order, _zero(scalars), *scalars)
         return tuple(jnp.asarray(o, jnp.float64) for o in outputs), jnp.asarray(note, jnp.int32)
+
+
+def _zero(scalars: Sequence[Any]) -> Any:
+    """-0.0, which the compiler cannot know (see `teg.backends.text`)."""
+    jnp = _import_jax().numpy
+    return jnp.where(scalars[0] == ODD, TINY, -0.0) if scalars else jnp.float64(-0.0)
 
 
 def _printed(program: Program) -> str:
@@ -212,10 +239,10 @@ def _kept(unbound: Unbound) -> str:
     return _printed(unbound.program)
 
 
-def _made(text: str, scope: dict[str, Any]) -> Any:
+def _made(text: str, scope: dict[str, Any], name: str = "kernel") -> Any:
     """The function of a printed program."""
     exec(compile(text, "<teg jax kernel>", "exec"), scope)
-    return scope["kernel"]
+    return scope[name]
 
 
 def _import_jax() -> Any:
