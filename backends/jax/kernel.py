@@ -185,10 +185,13 @@ class JaxKernel:
     def _once(self, order: Any, arguments: Sequence[Any]) -> tuple[tuple[Any, ...], Any]:
         """The outputs with ties resolved by `order`, and the note."""
         jnp = _import_jax().numpy
+        from teg.backends.jax.entries import remembered
+
         scalars = [jnp.asarray(argument, jnp.float64) for argument in arguments]
         # always -0.0, which the compiler cannot know (see python_text)
         zero = jnp.where(scalars[0] == ODD, TINY, -0.0) if scalars else jnp.float64(-0.0)
-        outputs, note = self._kernel(order, zero, *scalars)
+        with remembered():
+            outputs, note = self._kernel(order, zero, *scalars)
         return tuple(jnp.asarray(o, jnp.float64) for o in outputs), jnp.asarray(note, jnp.int32)
 
 
