@@ -217,8 +217,11 @@ class JaxKernel:
     def _once(self, order: Any, arguments: Sequence[Any]) -> tuple[tuple[Any, ...], Any]:
         """The outputs with ties resolved by `order`, and the note."""
         jnp = _import_jax().numpy
+        from teg.backends.jax.entries import remembered
+
         scalars = [jnp.asarray(argument, jnp.float64) for argument in arguments]
-        outputs, note = self._kernel(order, _zero(scalars), *scalars)
+        with remembered():
+            outputs, note = self._kernel(order, _zero(scalars), *scalars)
         return tuple(jnp.asarray(o, jnp.float64) for o in outputs), jnp.asarray(note, jnp.int32)
 
 
