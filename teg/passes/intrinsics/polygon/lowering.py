@@ -63,7 +63,9 @@ class PolygonLowering(Lowering):
         inner, outer = group[0].boxes
         x, y = inner.var, outer.var
         placed = self._placed(group[0], home)
-        planes = [self._half_plane(half, numbers, group[0], home) for half, numbers in zip(group[0].halves, placed.numbers, strict=True)]
+        planes = [
+            self._half_plane(half, numbers, group[0], (home, when)) for half, numbers in zip(group[0].halves, placed.numbers, strict=True)
+        ]
         triangle = match_triangle([(h.atom.g, h.negated) for h in group[0].halves], (x, y))
         variables = list(placed.offsets)
         corners: tuple[tuple[Arg, Arg], ...] = ()
@@ -90,25 +92,30 @@ class PolygonLowering(Lowering):
         )
         return results
 
-    def _half_plane(self, half: Half, numbers: Sequence[Arg], clipped: Clipped, home: Level) -> HalfPlane:
-        """Returns a half-plane; if it may tie, that is decided before: one that ties contains everything, or nothing."""
-        (a, b, c), out = numbers, self.out
-        atom = half.atom
+    def _half_plane(self, half: Half, numbers: Sequence[Arg], clipped: Clipped, place: tuple[Level, str | None]) -> HalfPlane:
+        """Returns a half-plane; if it may tie, that is decided before: one that ties contains everything, or nothing. The place is its
+        level, and the condition without which it is not needed."""
+        (a, b, c), atom, out, (home, when) = numbers, half.atom, self.out, place
         if atom.resolution is None:
             return HalfPlane(a, b, c, half.closed)
+
+        def only(condition: str | None, value: Arg, otherwise: float) -> Arg:
+            return value if condition is None else out.assign(home, "select", condition, value, otherwise)
+
         (u, v), bounds = [b.var for b in clipped.boxes], [(b.lo, b.hi) for b in clipped.boxes]
         across, up = (out.assign(home, "mul", n, out.number(distance(*ends), home)) for n, ends in zip((a, b), bounds, strict=True))
         values = [c, *(out.assign(home, "add", c, *steps) for steps in ((across,), (up,), (across, up)))]
         most = self._largest([out.size_of(value, home) for value in values], home)
         ends = [cast(Expr, substitute(atom.g, {u: x, v: y})) for x, y in product(*bounds)]
         terms = self._largest([out.rounding.terms_size(end, home) for end in ends], home)
-        near = out.assign(home, "ge0", out.assign(home, "sub", out.assign(home, "mul", NEARLY, terms), most))
+        close = out.assign(home, "sub", out.assign(home, "mul", NEARLY, terms), most)
+        near = out.assign(home, "ge0", only(when, close, -1.0))
         scale = self._largest([out.rounding.tie_scale(end, home) for end in ends], home)
-        scale = out.assign(home, "select", near, scale, 0.0)  # else it is not needed
+        g, scale = (only(when, only(near, n, otherwise), otherwise) for n, otherwise in ((most, 1.0), (scale, 0.0)))
         first = out.truths(negation(atom.resolution) if half.negated else atom.resolution, home)[0]
         k = out.ties.setdefault(cast("tuple[str, str]", atom.rivals), len(out.ties))
-        holds = out.assign(home, "tie", most, scale, first, k)
-        ties = out.assign(home, "ge0", out.assign(home, "sub", out.assign(home, "mul", TIE_EPS, scale), most))
+        holds = out.assign(home, "tie", g, scale, first, k)
+        ties = out.assign(home, "ge0", out.assign(home, "sub", out.assign(home, "mul", TIE_EPS, scale), g))
         side = out.assign(home, "select", holds, 1.0, -1.0)
         a, b, c = (out.assign(home, "select", ties, known, n) for known, n in ((0.0, a), (0.0, b), (side, c)))
         return HalfPlane(a, b, c, half.closed)
