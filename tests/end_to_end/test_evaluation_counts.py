@@ -98,12 +98,12 @@ SCENES = (
     Scene("empty", over_square(teg.bracket(disk(a, b, r)) * EXP_COS), {"a": 3.0, "b": 0.5, "r": 0.6}, 0),
     # what is no polynomial for other parameters: one look at the one piece
     Scene("full cover", over_square(teg.bracket(disk(a, b, r)) * EXP_COS), {"a": 0.5, "b": 0.5, "r": 2.0}, OUTER_FIRST),
-    # degrees 0, 1 and 2 from the inside out
+    # a clipped polyhedron: its volume
     Scene(
         "half-space",
         teg.integral(teg.bracket(x + a * y + b * z < t), (x, 0, 1), (y, 0, 1), (z, 0, 1)),
         {"a": 0.5, "b": 0.25, "t": 0.8},
-        1 * 1 * 2,
+        1,
     ),
 )
 
