@@ -99,8 +99,8 @@ static inline int teg_unseen(int n, const double *bounds, const double *seen, in
 }
 
 //: teg_placed
-/* What the rounding of places does to an integral over an interval, relative to that of |values|, from the places of its ends and of its
-   middle, by which an infinite end is replaced. */
+/* What the rounding of places does to an integral over an interval, relative to that of |values|, from the places of its ends
+   and of its middle, by which an infinite end is replaced. */
 static inline double teg_placed(double left, double middle, double right)
 {
     const double p = isfinite(left) ? left : middle, q = isfinite(right) ? right : middle;
