@@ -90,6 +90,10 @@ MAX_HALF_PLANES = 64
 """Of more a `Polygon` would be long: they share the pieces of two integrals instead."""
 MAX_CUTS = 8
 """Of the half-planes beside an ellipse."""
+MAX_HALF_SPACES = 24
+"""Of more a `Polyhedron` would be long."""
+CLIP_EPS = 2.0**-49
+"""A corner of a polyhedron that is no farther outside of a half-space, compared with its terms, is on its border but for rounding."""
 THIN = 2.0**-5
 """A triangle so thin, compared with how much its half-planes change over a box, is clipped by the box, and not the box by it."""
 NEARLY = 2.0**-20

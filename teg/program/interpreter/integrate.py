@@ -33,7 +33,7 @@ from teg.program.limits import (
 )
 from teg.program.operations import divide, largest, power
 from teg.program.rules import Adaptive, Gauss, Midpoint, Rational
-from teg.program.statements import Guard, Integrate, Polygon, Sample, Segment
+from teg.program.statements import Guard, Integrate, Polygon, Polyhedron, Sample, Segment
 from teg.program.walk import compound
 
 if TYPE_CHECKING:
@@ -275,7 +275,7 @@ def _place(way: Substitution, u: float) -> float:
 
 def is_leaf(stmt: Integrate | Sample) -> bool:
     """Returns whether there is no integral inside: the evaluations of its integrand are counted."""
-    return not any(isinstance(s, Integrate | Sample | Polygon | Segment) for s in compound(stmt.body))
+    return not any(isinstance(s, Integrate | Sample | Polygon | Polyhedron | Segment) for s in compound(stmt.body))
 
 
 def _placed(way: Substitution, left: float, right: float) -> float:
