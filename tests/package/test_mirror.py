@@ -155,6 +155,7 @@ ELSEWHERE = {
         "iterations": "tests/backends/c/test_pixels.py",
         "printer": "tests/backends/c/test_kernel.py",
         "integrals": "tests/backends/c/test_kernel.py",
+        "lane_functions": "tests/backends/c/test_lanes.py",
         "routines": "tests/backends/c/test_kernel.py",
         "unit": "tests/backends/c/test_kernel.py",
         "quadrature": "tests/backends/c/test_kernel.py",
