@@ -6,7 +6,6 @@ from tests.mutation.mutant import Mutant, mutants
 
 STEPS = "tests/passes/normalise/test_steps.py"
 GUARDED = "tests/passes/lower/test_guarded.py"
-CHOICES = "tests/ir/test_choices.py"
 QUADRATURE = "tests/numerics/test_quadrature.py"
 ADJOINTS = "tests/passes/intrinsics/test_adjoints.py"
 
@@ -66,7 +65,7 @@ IN_PASSES: tuple[Mutant, ...] = (
     ),
     *mutants(
         "teg/passes/normalise/partitions.py",
-        (CHOICES, "tests/end_to_end/test_nearest_scenes.py"),
+        ("tests/passes/normalise/test_partitions.py",),
         ("a guard that is negated", "g = mul(MINUS_ONE, compare.g) if negated else compare.g", "g = compare.g"),
         ("coefficients of Taylor", "const(1.0 / (math.factorial(i) * math.factorial(j)))", "ONE"),
         ("guards left over", "numbers += [ONE, ZERO, ZERO] * (guards", "numbers += [MINUS_ONE, ZERO, ZERO] * (guards"),

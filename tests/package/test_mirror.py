@@ -111,7 +111,6 @@ ELSEWHERE = {
         "choices": "tests/ir/test_choices.py",
         "extremes": "tests/end_to_end/test_alike_terms.py",
         "inline": "tests/ir/test_function.py",
-        "partitions": "tests/ir/test_choices.py",
         "rows": "tests/end_to_end/test_alike_terms.py",
     },
     "teg/passes/program": {
