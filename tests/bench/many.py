@@ -15,6 +15,7 @@ from teg.examples import occlusion, voronoi
 from teg.examples.blur.run import Blur
 from teg.examples.soft_shadow import run as shadow
 from tests.bench.rows import Row, empty_cache
+from tests.bench.scenes import cut_cells
 from tests.examples.clipped_scenes import clipped_pixel, clipped_share, over_lens, over_time
 
 SAMPLE = 12
@@ -26,7 +27,8 @@ def many_rows() -> list[Row]:
     with empty_cache():
         mesh = occlusion.Scene(512, 10_000, "c")
         rows = [mesh_row(mesh), mesh_row(occlusion.Scene(1024, 100_000, "c"), mesh.evaluator)]
-        return [*rows, shadow_row(64, 1000), transport_row(1000), blur_row("motion-blur", 64), blur_row("depth-of-field", 32)]
+        rows += [shadow_row(64, 1000), transport_row(1000), cells_row(32)]
+        return [*rows, blur_row("motion-blur", 64), blur_row("depth-of-field", 32)]
 
 
 def processor_time(action: Callable[[], object]) -> float:
@@ -99,6 +101,15 @@ def transport_row(sites: int) -> Row:
     given = {"S": places, "W": np.zeros(sites), "M": masses, **lists}
     name = f"power diagram, {sites} sites, {voronoi.TILES}² tiles"
     return row(name, len(lists["L"]), evaluator, given, lambda: abs(float(evaluator.grad(given)["W"].sum())))
+
+
+def cells_row(size: int) -> Row:
+    """Volumes of a tetrahedron in the cells of a grid; the error is that of their sum."""
+    corners = size * np.array([[0.1, 0.2, 0.15], [0.9, 0.25, 0.2], [0.3, 0.85, 0.1], [0.4, 0.3, 0.95]])
+    given = {"V": corners, "N": np.zeros(size)}
+    exact = float(np.linalg.det(corners[1:] - corners[0])) / 6
+    evaluator, sums = (teg.compile(*cut_cells(power), backend="c") for power in (2, 1))
+    return row(f"tetrahedron in {size}³ cells", size**3, evaluator, given, lambda: abs(float(sums(given)) / exact - 1))
 
 
 def blur_row(demo: str, size: int) -> Row:

@@ -187,7 +187,7 @@ TABLES: dict[str, tuple[Measurement, str]] = {
         many_rows,
         "Scenes of many surfaces, and pictures integrated over a third variable. Processor time of one thread; the largest error in a "
         "sample of pixels. The references share nothing with the compiler: a clipper of convex polygons, the sum of the masses of power "
-        "cells, and the midpoint rule over time or lens, whose own error the last two rows show.",
+        "cells, a determinant, and the midpoint rule over time or lens, whose own error the last two rows show.",
     ),
     "beside a rasteriser": (
         rasteriser_rows,

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import teg
-from teg import Expr
+from teg import Cond, Expr
 from teg.ir.expr import Param
 
 
@@ -160,15 +161,31 @@ def tetrahedron() -> tuple[Expr, list[Param]]:
     """The volume of a tetrahedron in the unit cube, by its vertices."""
     x, y, z = teg.vars("x y z")
     vertices = [[teg.param(f"v{i}{axis}") for axis in "xyz"] for i in range(4)]
+    inside = inside_tetrahedron(vertices, (x, y, z))
+    return teg.integral(teg.bracket(inside), (x, 0, 1), (y, 0, 1), (z, 0, 1)), [p for vertex in vertices for p in vertex]
+
+
+def inside_tetrahedron(vertices: Sequence[Sequence[Expr]], at: Sequence[Expr]) -> Cond:
+    """Whether a place is inside: above each face, whose vertices are counterclockwise from there."""
 
     def above(i: int, j: int, k: int) -> Expr:
         p, q, r = vertices[i], vertices[j], vertices[k]
         u, v = ([b - a for a, b in zip(p, other, strict=True)] for other in (q, r))
         normal = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]]
-        return normal[0] * (x - p[0]) + normal[1] * (y - p[1]) + normal[2] * (z - p[2])
+        return normal[0] * (at[0] - p[0]) + normal[1] * (at[1] - p[1]) + normal[2] * (at[2] - p[2])
 
-    inside = (above(0, 1, 2) > 0) & (above(0, 3, 1) > 0) & (above(0, 2, 3) > 0) & (above(1, 3, 2) > 0)
-    return teg.integral(teg.bracket(inside), (x, 0, 1), (y, 0, 1), (z, 0, 1)), [p for vertex in vertices for p in vertex]
+    return (above(0, 1, 2) > 0) & (above(0, 3, 1) > 0) & (above(0, 2, 3) > 0) & (above(1, 3, 2) > 0)
+
+
+def cut_cells(power: int = 2) -> tuple[Expr, list[Any]]:
+    """The volumes of a tetrahedron in the cells of a grid, to a power, together; by its vertices V (4, 3). The number of cells along each
+    side is the length of N."""
+    x, y, z = teg.vars("x y z")
+    i, j, k = teg.index("cell_i"), teg.index("cell_j"), teg.index("cell_k")
+    vertices, cells = teg.array("V", 2), teg.length(teg.array("N"))
+    inside = inside_tetrahedron([[vertices[v, axis] for axis in range(3)] for v in range(4)], (x, y, z))
+    share = teg.integral(teg.bracket(inside), (x, i, i + 1), (y, j, j + 1), (z, k, k + 1))
+    return teg.sum(share**power, (k, 0, cells), (j, 0, cells), (i, 0, cells)), [vertices]
 
 
 def distances(n: int) -> tuple[Expr, list[Param]]:
