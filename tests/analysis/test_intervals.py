@@ -122,6 +122,13 @@ def test_a_pole_inside_gives_everything() -> None:
     assert bounds_at(1 / X, -1.0, 1.0, 0) == (-math.inf, math.inf)
 
 
+@pytest.mark.parametrize(
+    ("ends", "expected"), [((0.0, 2.0), (0.5, math.inf)), ((-2.0, 0.0), (-math.inf, -0.5)), ((2.0, math.inf), (0.0, 0.5))]
+)
+def test_a_pole_at_an_end_gives_one_side(ends: tuple[float, float], expected: tuple[float, float]) -> None:
+    assert bounds_at(1 / X, *ends, 0) == expected
+
+
 def test_an_integral_over_the_variable_is_refused() -> None:
     y: Var = teg.var("y")
     with pytest.raises(NotDifferentiableError):

@@ -7,6 +7,7 @@ from tests.mutation.mutant import JAX, Mutant, mutants
 RANGES = "tests/backends/c/test_ranges.py"
 CELLS = "tests/backends/c/test_cells.py"
 KEPT = "tests/backends/c/test_kept_cells.py"
+POLYHEDRON = "tests/backends/test_polyhedron.py"
 ENVELOPE = "tests/backends/c/test_envelope.py"
 SIDE_BY_SIDE = "tests/backends/numpy/test_side_by_side.py"
 KERNEL_IN_JAX = "tests/backends/jax/test_kernel.py"
@@ -108,5 +109,22 @@ IN_BACKENDS: tuple[Mutant, ...] = (
         "backends/jax/cells.py",
         ("tests/backends/jax/test_cells.py",),
         ("the row behind the last candidate", "behind = jnp.arange(most + 1) == counts[:, None]", "behind = jnp.arange(most + 1) == most"),
+    ),
+    *mutants(
+        "backends/c/runtime/polyhedron.h",
+        (POLYHEDRON,),
+        ("place of a cut", "t = high / (high - height[out])", "t = 0.5"),
+        ("way around a new face", "{f, number, leaves[f], enters[f]}", "{f, number, enters[f], leaves[f]}"),
+        ("both sides of an edge", "twice[e->other][j] -= across[j]", "twice[e->other][j] += across[j]"),
+    ),
+    *mutants(
+        "backends/shared/polyhedra.py",
+        (POLYHEDRON,),
+        ("where a face is entered", "xp.where(row, xp.sum(back, axis=2)[:, None]", "xp.where(row, xp.sum(new, axis=2)[:, None]"),
+    ),
+    *mutants(
+        "backends/lazily.py",
+        (POLYHEDRON, "tests/end_to_end/test_evaluation_counts.py"),
+        ("where a statement is run", "frozenset({(when, True)} if when", "frozenset({(when, False)} if when"),
     ),
 )

@@ -144,4 +144,14 @@ IN_PASSES: tuple[Mutant, ...] = (
         ("tests/numerics/test_error_function.py",),
         ("erf is odd", "return -inverse_erf(-c)", "return inverse_erf(-c)"),
     ),
+    *mutants(
+        "teg/passes/intrinsics/polygon/lowering.py",
+        ("tests/backends/test_polyhedron.py",),
+        ("half-planes that tie", '"select", ties, known, n)', '"select", ties, n, known)'),
+    ),
+    *mutants(
+        "teg/passes/intrinsics/polygon/errors.py",
+        ("tests/backends/test_polyhedron.py",),
+        ("corners that stay", 'off.append(errors.op(out, "mul", CLIP_EPS, errors.sum_of(terms, out)))', "pass"),
+    ),
 )

@@ -24,7 +24,7 @@ from teg.analysis.sift import deltas_of, linear_part, without
 from teg.analysis.surfaces import is_affine
 from teg.analysis.tails import is_unbounded
 from teg.errors import DeltaError, NoReparameterisationError, NotDifferentiableError
-from teg.ir.expr import ZERO, Cond, Const, Expr, Mul, Var, Where
+from teg.ir.expr import ZERO, Call, Cond, Const, Expr, Mul, Var, Where
 from teg.ir.integral import Delta, Integral, delta, integral_over
 from teg.ir.node import Node, postorder
 from teg.ir.simplify import add, conjunction, mul, where
@@ -131,13 +131,19 @@ def eliminate_deltas(root: Expr, keep_moving: bool = False, families: Families =
 
 
 def is_endless(g: Expr, mine: Sequence[Var], outer: Collection[Var]) -> bool:
-    """Returns whether a surface is followed however far its variables run, given innermost first: a plane, an ellipse, or one with formulas
-    for its roots in each variable. Bounds depend on the variables of `outer`: only a plane may have one of these, if its slope along
-    another variable is a number."""
+    """Returns whether a surface is followed however far its variables run, given innermost first: a plane, an ellipse, one with formulas
+    for its roots in each variable, or the graph of a wave. Bounds depend on the variables of `outer`: only a plane may have one of these,
+    if its slope along another variable is a number."""
     in_box = not any(v in outer for v in mine)
     if is_affine(g, mine):
         return in_box or any(v not in outer and isinstance(slope(g, v), Const) for v in mine)
-    return in_box and (match_conic(g, mine) is not None or has_formulas(g, mine))
+    return in_box and (match_conic(g, mine) is not None or has_formulas(g, mine) or _is_wave(g, mine))
+
+
+def _is_wave(g: Expr, mine: Sequence[Var]) -> bool:
+    """Returns whether a surface is the graph of a function with waves: it has endlessly many roots in the other variables."""
+    waves = any(isinstance(n, Call) and n.name in ("sin", "cos") and not n.free.isdisjoint(mine) for n in postorder([g]))
+    return waves and match_affine(g, mine) is not None
 
 
 def has_formulas(g: Expr, mine: Sequence[Var]) -> bool:

@@ -458,3 +458,43 @@ def test_ordinary_densities_do_not_warn(name: str, backend: str) -> None:
     assert f() == pytest.approx(exact, rel=1e-9)
     if name in ("gamma", "gamma by its logarithm", "a double root"):
         assert f.evaluations() <= 256
+
+
+# -- beside the ends of pieces -------------------------------------------------------------------------------------------
+
+
+def bessel_k0(u: float) -> float:
+    """∫ exp(-u·cosh s) ds over (0, ∞), by the trapezium rule, which converges exponentially."""
+    return 0.01 * (0.5 * math.exp(-u) + sum(math.exp(-u * math.cosh(0.01 * n)) for n in range(1, 1000)))
+
+
+FALLING: dict[str, tuple[Expr, float]] = {
+    "exp(-(p/x)² - x²)/x": (integral(exp(-((p / x) ** 2) - x**2) / x, (x, 0, math.inf)), bessel_k0(0.6)),
+    "exp(-(p/x)² - x²)/|x|": (integral(exp(-((p / x) ** 2) - x**2) / abs(x), (x, -math.inf, math.inf)), 2 * bessel_k0(0.6)),
+    "sech(log x - p)/x": (integral(1 / cosh(log(x) - p) / x, (x, 0, math.inf)), math.pi),
+    "a slanting bound": (integral(exp(-(x**2) - y**2), (y, -math.inf, p * x), (x, -math.inf, math.inf)), math.pi / 2),
+    "sech(x - ∫)": (integral(1 / cosh(x - integral(bracket(y < p) * y**2, (y, 0, 1))), (x, -math.inf, math.inf)), math.pi),
+}
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("name", FALLING)
+def test_values_that_fall_to_0_at_an_end_hide_nothing(name: str, backend: str) -> None:
+    program, expected = FALLING[name]
+    value, error = teg.compile(program, [], backend=backend, inaccurate="raise").value_and_error(p=0.3)
+    assert value == pytest.approx(expected, rel=1e-11)
+    assert error <= 1e-9
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_hyperbola_over_the_plane_converges(backend: str) -> None:
+    plane = integral(bracket(x * y < p) * exp(-(x**2) - y**2), (x, -math.inf, math.inf), (y, -math.inf, math.inf))
+    f = teg.compile(plane, [p], backend=backend, inaccurate="raise")
+    assert f.value_and_grad(p=0.3)[1]["p"] == pytest.approx(2 * bessel_k0(0.6), rel=1e-11)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("scale", [1e-3, 1e-6])
+def test_a_peak_beside_an_end_is_found(scale: float, backend: str) -> None:
+    f = teg.compile(integral(exp(-k / x) * k**2 / x**3, (x, 0, 1)), [], backend=backend, inaccurate="raise")
+    assert f(k=scale) == pytest.approx((1 + scale) * math.exp(-scale), rel=1e-9)  # with u = k/x: ∫ u·exp(-u) du from k
