@@ -20,7 +20,8 @@ from teg.ir.operands import as_number
 from teg.ir.still import with_still_conditions
 from teg.ir.traverse import parameters
 from teg.passes.differentiate import through_sums as arrays
-from teg.passes.differentiate.through_sums import Parameter, outlined, parameters_and_arrays
+from teg.passes.differentiate.through_sums import Parameter, on_cells, outlined, parameters_and_arrays
+from teg.passes.normalise.cuts import with_cuts
 from teg.passes.normalise.sums import NeedsLengths
 
 Maps = pipeline.Maps
@@ -116,10 +117,11 @@ def stop_delta(e: Operand) -> Expr: ...
 def stop_delta(e: Operand | Cond) -> Expr | Cond:
     """Returns e with jumps that do not move: its value is that of e, its derivatives are those with all brackets constant.
 
-    Conditions (of `teg.bracket`, `where`, `abs`, `minimum`, `nearest` and so on), steps (`floor`, `mod`) and deltas in e read their
-    parameters, but are not differentiated by them. So no delta comes out of this part of a program, in derivatives of any order and in
-    every backend, while other parts keep theirs. Bounds of integrals move as before. `discontinuities="ignore"` does the same to a whole
-    program. Functions (`teg.function`) in e are written out; a condition is accepted, too.
+    Conditions (of `teg.bracket`, `where`, `abs`, `minimum`, `nearest` and so on), steps (`floor`, `mod`), cuts of functions (`atan2`,
+    `atan(1/u)`) and deltas in e read their parameters, but are not differentiated by them. So no delta comes out of this part of a
+    program, in derivatives of any order and in every backend, while other parts keep theirs. Bounds of integrals move as before.
+    `discontinuities="ignore"` does the same to a whole program. Functions (`teg.function`) in e are written out; a condition is
+    accepted, too.
 
         edge, shade = teg.bracket(x < t), teg.where(x < t, t, 2.0)
         f = teg.compile(teg.integral(teg.stop_delta(shade), (x, 0, 1)), [t])
@@ -128,7 +130,8 @@ def stop_delta(e: Operand | Cond) -> Expr | Cond:
     With the edge the derivative is 0.25 - 1.75.
     """
     whole: Expr | Cond = e if isinstance(e, Tuple | Cond) else as_number(e)
-    return with_still_conditions(write_all_out(whole))
+    whole = write_all_out(whole)
+    return with_still_conditions(whole if isinstance(whole, Cond) else on_cells(whole, with_cuts))
 
 
 def hessian(e: Operand, by: Sequence[Param] | Param | None = None, maps: Maps = ()) -> Tuple:

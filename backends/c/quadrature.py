@@ -149,7 +149,6 @@ def adaptive_piece(block: Sequence[str] | Nodes, rule: Adaptive, sums: Sums, pla
     unknown = ["const int tied = ctx->tied, missed = ctx->missed;"] if watched and places.noted else []
     first, inside = nodes_of(block, "nodes", [f"const double u = middle + half * {node};", *place, *unknown], "slope")
     return [
-        *(["const double rounding = teg_rounding(p, q);"] if sums.estimated else []),
         "teg_interval waiting[TEG_MAX_DEPTH + 2];",
         "waiting[0] = (teg_interval){0.0, 1.0, 0};",
         *(f"teg_fill({total}, {tested}, 0.0);" for total in ("spent", "whole")),
@@ -176,10 +175,29 @@ def adaptive_piece(block: Sequence[str] | Nodes, rule: Adaptive, sums: Sums, pla
             "}",
             *_judged(tested, watched, good, None if guard is None else _searched(guard, place, tested, whole, literal(rule.tol))),
             *_halved_or_accepted(tested, watched, "whole[j]" if guard is None else f"({whole})[j]", guard is not None),
+            *(_rounding_within(place) if sums.estimated else []),
             *_taken(count, tested, sums.estimated),
         ),
         "}",
         f"if (teg_overspent({tested}, spent, whole, {literal(rule.tol)})) ctx->missed = 1;",
+    ]
+
+
+def _rounding_within(place: Sequence[str]) -> list[str]:
+    """Returns lines that set `rounding`, the effect of rounding on the interval."""
+    return [
+        "double put[3] = {p, q, p};",
+        "for (int side = 0; side < 3; side++) {",
+        *indent(
+            "const double u = side == 0 ? here.from : side == 1 ? here.to : middle;",
+            "if (u <= 0.0 || u >= 1.0) continue;",
+            *place,
+            "(void)slope;",
+            "put[side] = x;",
+        ),
+        "}",
+        "const double nearby = 0.5 * TEG_ROUNDING + teg_placed(put[0], put[2], put[1]);",
+        "const double rounding = fmax(teg_rounding(p, q), nearby);",
     ]
 
 
@@ -294,9 +312,10 @@ def _searched(guard: GuardText, place: Sequence[str], tested: int, above: str, t
             *end("right", "second", "second < 1.0"),
             *guard.block,
             "const int endless = !isfinite(right - left);",
-            "const int inside = endless || (first > 0.0 && second < 1.0 && here.depth < TEG_GUARD_DEPTH);",
+            "const int within = first > 0.0 && second < 1.0, outermost = !within && here.depth >= TEG_DEEP;",
+            "const int inside = endless || (within && here.depth < TEG_GUARD_DEPTH);",
             f"const int unseen = teg_matters({tested}, f, right - left, measured, {above}, {tol})",
-            f"    && teg_unseen({guard.sharp}, f + {tested}, seen_at, nodes, gap, inside, endless);",
+            f"    && teg_unseen({guard.sharp}, f + {tested}, seen_at, nodes, gap, inside, endless || outermost);",
             f"if (gap < 0) {_each(tested, 'hidden_size[j] = !endless && isinf(f[j]) ? 0.0 : f[j] * (right - left);')}",
             "if (gap < 0 && !unseen) break;",
             "if (gap >= 0 && unseen) good = 0, hides = 1;",

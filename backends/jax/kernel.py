@@ -30,7 +30,8 @@ from teg.backends.jax.alike import Rows, with_rows
 from teg.backends.jax.straight import straight
 from teg.backends.text import Dialect, assignment, inside, strict, value
 from teg.errors import BackendError, MissingPackageError
-from teg.numerics.quadrature import triangle_rule
+from teg.numerics.polyhedra import SIDES
+from teg.numerics.quadrature import tetrahedron_rule, triangle_rule
 from teg.numerics.sobol import replicated
 from teg.program import (
     ISOLATE_DEPTH,
@@ -48,6 +49,7 @@ from teg.program import (
     Midpoint,
     Outcome,
     Polygon,
+    Polyhedron,
     Program,
     Rational,
     Sample,
@@ -86,6 +88,7 @@ class JaxKernel:
         from teg.backends.jax import hyperbola as jax_hyperbola
         from teg.backends.jax import poles as jax_poles
         from teg.backends.jax import polygon as jax_polygon
+        from teg.backends.jax import polyhedron as jax_polyhedron
         from teg.backends.jax import roots as jax_roots
         from teg.backends.jax import runtime as jax_runtime
         from teg.backends.jax import samples as jax_sampling
@@ -95,7 +98,13 @@ class JaxKernel:
         functions = [_kept(Unbound(cast(Program, f.body))) for f in program.functions]
         self.source = "\n".join([text, *(f"\n# function_{k}: the kernel of\n{body}" for k, body in enumerate(functions))])
         scope: dict[str, Any] = {"jnp": jax.numpy, "rt": jax_runtime, "roots": jax_roots, "sampling": jax_sampling}
-        scope |= {"polygons": jax_polygon, "poles": jax_poles, "hyperbolas": jax_hyperbola, "ellipses": jax_ellipse}
+        scope |= {
+            "polygons": jax_polygon,
+            "polyhedra": jax_polyhedron,
+            "poles": jax_poles,
+            "hyperbolas": jax_hyperbola,
+            "ellipses": jax_ellipse,
+        }
         scope |= {"adaptive": jax_adaptive, "guards": jax_guard}
         for k, body in enumerate(functions):
             scope[f"function_{k}"] = _made(body, dict(scope))
@@ -208,8 +217,11 @@ class JaxKernel:
     def _once(self, order: Any, arguments: Sequence[Any]) -> tuple[tuple[Any, ...], Any]:
         """The outputs with ties resolved by `order`, and the note."""
         jnp = _import_jax().numpy
+        from teg.backends.jax.entries import remembered
+
         scalars = [jnp.asarray(argument, jnp.float64) for argument in arguments]
-        outputs, note = self._kernel(order, _zero(scalars), *scalars)
+        with remembered():
+            outputs, note = self._kernel(order, _zero(scalars), *scalars)
         return tuple(jnp.asarray(o, jnp.float64) for o in outputs), jnp.asarray(note, jnp.int32)
 
 
@@ -269,6 +281,9 @@ def _nodes(block: tuple[Stmt, ...]) -> int:
             case Polygon():
                 triangles = 2 + len(stmt.half_planes)
                 most = max(most, triangles * len(triangle_rule(stmt.degree)) * _nodes(stmt.body))
+            case Polyhedron():
+                faces = len(stmt.half_spaces) + SIDES
+                most = max(most, faces * max(faces, len(tetrahedron_rule(stmt.degree)) * _nodes(stmt.body)))
             case Segment():
                 most = max(most, stmt.nodes * _nodes(stmt.body))
             case When():
@@ -313,7 +328,7 @@ def _block(block: tuple[Stmt, ...], results: str) -> list[str]:
                 lines += _sum(stmt, note)
             case Sample():
                 lines += _mean(stmt, note)
-            case Polygon() | Segment():
+            case Polyhedron() | Polygon() | Segment():
                 lines += _clipped(stmt, note)
             case Hyperbola():
                 lines += _moments(stmt, note)
@@ -425,20 +440,24 @@ def _mean(stmt: Sample, note: str) -> list[str]:
     ]
 
 
-def _clipped(stmt: Polygon | Segment, note: str) -> list[str]:
-    """What a polygon or a segment is set up with, the function of its body, and its call."""
-    blocks = (stmt.setup,) if isinstance(stmt, Polygon) else (stmt.setup, stmt.scales)
+def _clipped(stmt: Polyhedron | Polygon | Segment, note: str) -> list[str]:
+    """What a polyhedron, a polygon or a segment is set up with, the function of its body, and its call."""
+    blocks = (stmt.setup, stmt.scales) if isinstance(stmt, Segment) else (stmt.setup,)
     lines = [line for block in blocks for s in block if isinstance(s, Assign) for line in assignment(s, DIALECT)]
     factors = f"({inside(map(_text, stmt.factors))})"
-    if isinstance(stmt, Polygon):
-        name, variables = "polygon", ", ".join(stmt.variables)
+    if isinstance(stmt, Polyhedron):
+        name, variables = "polyhedra.polyhedron", ", ".join(stmt.variables)
+        spaces = [f"({', '.join(map(_text, (*g.slopes, g.offset)))}, {g.closed})" for g in stmt.half_spaces]
+        rule = [f"(({inside(strict(e, 'jnp') for e in stmt.extents)}), ({inside(spaces)}))", str(stmt.degree)]
+    elif isinstance(stmt, Polygon):
+        name, variables = "polygons.polygon", ", ".join(stmt.variables)
         planes = [f"({_text(g.a)}, {_text(g.b)}, {_text(g.c)}, {g.closed})" for g in stmt.half_planes]
         places = [f"({_text(u)}, {_text(v)})" for u, v in stmt.corners]
         triangle = [f"({inside(places)})", _text(stmt.across)] if stmt.corners else []
         region = ", ".join([strict(stmt.width, "jnp"), strict(stmt.height, "jnp"), f"({inside(planes)})", *triangle])
         rule = [f"polygons.Region({region})", str(stmt.degree)]
     else:
-        name, variables = "segment", stmt.var
+        name, variables = "polygons.segment", stmt.var
         ends = [
             f"({_text(g.first)}, {_text(g.last)}, {g.closed}, {g.k is not None}, {_text(g.resolution)}, {_text(g.size)}, {_text(g.scale)})"
             for g in stmt.half_lines
@@ -450,7 +469,7 @@ def _clipped(stmt: Polygon | Segment, note: str) -> list[str]:
         *lines,
         f"def {body}({variables}):",
         *_block(stmt.body, f"({inside(map(_text, stmt.values))})"),
-        f"({inside(stmt.results)}), {note} = polygons.{name}({', '.join(arguments)})",
+        f"({inside(stmt.results)}), {note} = {name}({', '.join(arguments)})",
     ]
 
 

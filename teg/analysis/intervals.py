@@ -55,9 +55,10 @@ class Enclosure:
     def _find(self, root: Node) -> None:
         """Encloses the nodes that depend on the box. Every other node is its own bound; it may hold a variable of the same name, bound
         elsewhere."""
-        for node in postorder_through(root, self.box):
-            if node not in self.enclosed:
-                self.enclosed[node] = self._decision(node) if isinstance(node, Cond) else self._interval(cast(Expr, node))
+        enclosed = self.enclosed
+        for node in postorder_through(root, self.box, lambda node: () if node in enclosed else node.children):
+            if node not in enclosed:
+                enclosed[node] = self._decision(node) if isinstance(node, Cond) else self._interval(cast(Expr, node))
 
     def _bounds(self, e: Expr) -> Interval:
         return cast(Interval, self.enclosed.get(e, (e, e)))
@@ -145,8 +146,10 @@ def _product(a: Interval, b: Interval) -> Interval:
 def _power(u: Interval, k: int) -> Interval:
     if k < 0:
         lo, hi = _power(u, -k) if k != -1 else u
-        apart = disjunction(positive(lo), positive(_negative(hi)))
-        return where(apart, integer_power(hi, -1), _EVERYTHING[0]), where(apart, integer_power(lo, -1), _EVERYTHING[1])
+        below, above = positive(_negative(hi)), positive(lo)
+        from_0 = disjunction(conjunction(positive(lo, strict=False), positive(hi)), below)  # 0 may be an end
+        to_0 = disjunction(conjunction(positive(_negative(hi), strict=False), positive(_negative(lo))), above)
+        return where(from_0, integer_power(hi, -1), _EVERYTHING[0]), where(to_0, integer_power(lo, -1), _EVERYTHING[1])
     if k % 2:
         return integer_power(u[0], k), integer_power(u[1], k)
     least, most = _sizes(u)

@@ -21,7 +21,7 @@ from teg.analysis.polynomial import Point
 from teg.analysis.singularities import fades_at
 from teg.ir import expr as ex
 from teg.ir import simplify
-from teg.ir.expr import FALSE, TRUE, ZERO, Add, Compare, Cond, Const, Expr, Mul, Tuple, Where
+from teg.ir.expr import FALSE, TRUE, ZERO, Add, Call, Compare, Cond, Const, Expr, Mul, Tuple, Where
 from teg.ir.integral import Integral, integral_over
 from teg.ir.node import Node, postorder
 from teg.ir.simplify import add, mul, sub, where
@@ -138,7 +138,7 @@ def vanishes_on(e: Expr, surface: Expr) -> bool:
         return e is ZERO
     if Poles(surface).has(e):  # 0/0, which the field takes for 0
         return False
-    if surface.has_integral:  # |g| has no jump, whatever g is
+    if surface.has_integral or any(isinstance(n, Call) for n in postorder([surface])):  # |g| has no jump, whatever g is
         without = cast(Expr, replace_node(e, surface, ZERO))
         if all(Point(trial).value(without) == 0 for trial in ("0", "1")):
             return True

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import cast
 
-from teg.ir.expr import Add, Call, Const, Expr, Mul, Param, Pow, Var, Where
+from teg.ir.expr import Add, Call, Const, Expr, Mul, Param, Pow, Still, Var, Where
 from teg.ir.function import Apply, Function
 from teg.ir.integral import Integral
 from teg.ir.node import digest, postorder
@@ -110,7 +110,7 @@ class Shadow:
                 value = residue_of_float(node.data)
                 return None if value is None else self.constant(value)
             case Param():
-                return self.constant(self._random("parameter", node.name))
+                return self.constant(self._random("still parameter" if isinstance(node, Still) else "parameter", node.name))
             case Var():
                 if node in self._index:
                     i = self._index[node]

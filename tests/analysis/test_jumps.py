@@ -109,3 +109,9 @@ def test_kinks_have_no_boundary_term(kink: teg.Expr) -> None:
 def test_a_jump_has_one() -> None:
     assert surface_terms(STEP * x, [G]) == [(G, x)]
     assert [g for g, _ in surface_terms(teg.sign(t - x), [G])] == [G]
+
+
+@pytest.mark.parametrize("kink", [teg.abs(teg.sin(t * x)), teg.abs(teg.sin(x) * teg.cos(t * x)), teg.abs(teg.cos(t * x)) ** 3])
+def test_kinks_of_waves_have_no_delta(kink: teg.Expr) -> None:
+    assert not teg.diff(kink, x).has_delta
+    assert not teg.diff(teg.integral(kink, (x, 0, 1)), t).has_delta

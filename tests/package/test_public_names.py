@@ -44,6 +44,14 @@ def test_a_name_of_another_package_leads_to_ours(name: str) -> None:
         getattr(teg, name)
 
 
+@pytest.mark.parametrize("name", teg._WRITTEN)
+def test_a_name_of_another_package_leads_to_what_is_written_here(name: str) -> None:
+    assert name not in {*teg.__all__, *teg._OTHER_NAMES}
+    assert all(ours in teg.__all__ for ours in re.findall(r"(?<=teg\.)\w+", teg._WRITTEN[name]))
+    with pytest.raises(AttributeError, match=re.escape(f"; write {teg._WRITTEN[name]}")):
+        getattr(teg, name)
+
+
 def test_type_checkers_see_the_names_that_are_loaded_on_first_use() -> None:
     module = ast.parse(Path(str(teg.__file__)).read_text(encoding="utf-8"))
     guarded = next(n for n in module.body if isinstance(n, ast.If) and ast.unparse(n.test) == "TYPE_CHECKING")

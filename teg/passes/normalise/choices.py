@@ -1,7 +1,7 @@
 """Choices among data (`teg.any`, `teg.prod`, `teg.nearest`) in forms that are compiled.
 
     ∫∫ f(nearest_k(v, g | c; o)) dx dy   →  partition                   affine c, differences of g; polynomial f(v): `partitions.py`
-    ∫∫ f(nearest_k(v, g | c; o)) dx dy   →  partition                   affine c, differences of g, polynomial f(v): `partitions`
+    Π_k a·[c]                            →  Π_k a·[all_k(c)]            a without variables of integration
     nearest_k(v, g | c; o), without      →  Σ_k [k = w]·v  where w >= 0, else o,      w = winner_k(g | c)
     any_k(c), without                    →  winner_k(0 | c) > -1/2
 
@@ -13,22 +13,20 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any, cast
 
+from teg.analysis.kinks import value_nodes
 from teg.errors import ArrayIndexError
 from teg.ir.arrays import Ranged, sum_over
 from teg.ir.cells import rename_indices, replace_integers, replaced
 from teg.ir.choices import CHOICES, AnyOf, Nearest, Product, Winner
-from teg.ir.expr import ZERO, Cond, Expr, const
+from teg.ir.expr import TRUE, ZERO, Cond, Expr, Mul, Where, const
 from teg.ir.index import Index, IndexConst, IndexGather, IndexParam, IndexVar, Length, index_const, index_leaves
 from teg.ir.integral import Integral
 from teg.ir.node import Node, postorder
 from teg.ir.operands import as_number, less
 from teg.ir.simplify import add, bracket, conjunction, disjunction, integer_power, mul, negation, positive, sub, where
-from teg.ir.traverse import rebuild
-from teg.passes.normalise.partitions import Refused, partitioned
+from teg.ir.traverse import rebuild, replace_node
+from teg.passes.normalise.partitions import MOST_WRITTEN, Refused, partitioned
 from teg.passes.normalise.sums import NeedsLengths
-
-MOST = {Nearest: 24, AnyOf: 256, Product: 256}
-"""The longest ranges that are written out."""
 
 
 def without_choices(root: Expr) -> Expr:
@@ -38,7 +36,7 @@ def without_choices(root: Expr) -> Expr:
     """
     if not has_choices(root):
         return root
-    root = rename_indices(root)
+    root = rename_indices(_rewritten(root, _without_brackets))
     new: dict[Node, Expr] = {}
     for node in postorder([root]):
         if isinstance(node, Integral) and not node.free and has_choices(node, inside=True):
@@ -65,6 +63,43 @@ def _rewritten(root: Expr, change: Callable[[Ranged], Node]) -> Expr:
         result = rebuild(node, tuple([new[c] for c in node.children]))
         new[node] = change(result) if isinstance(result, CHOICES) else result
     return cast(Expr, new[root])
+
+
+# -- products of brackets ----------------------------------------------------------------------------------------------
+
+
+def _without_brackets(node: Ranged) -> Ranged | Expr:
+    """Returns a product of brackets, and of numbers without variables of integration, as a condition on all; others as they are."""
+    if not isinstance(node, Product) or not node.free:
+        return node
+    conditions: list[Cond] = []
+    numbers: list[Expr] = []
+    for factor in node.body.children if isinstance(node.body, Mul) else (node.body,):
+        sides = _sides(factor)
+        if sides is None:
+            return node
+        condition, number = sides
+        conditions.append(condition)
+        numbers.append(number)
+    over = (node.index, node.lo, node.hi)
+    failing = AnyOf.make(over, (negation(conjunction(*conditions)),))
+    return mul(cast(Expr, Product.make(over, (mul(*numbers),))), bracket(negation(failing)))
+
+
+def _sides(factor: Expr) -> tuple[Cond, Expr] | None:
+    """Returns the condition outside of which a factor is 0, and the factor where it holds; None if that depends on variables."""
+    if not factor.free:
+        return TRUE, factor
+    branches = [n for n in value_nodes(factor) if isinstance(n, Where) and n.condition.free]
+    if len(branches) != 1:
+        return None
+    branch = branches[0]
+    then, otherwise = (cast(Expr, replace_node(factor, branch, side)) for side in (branch.then, branch.otherwise))
+    if not then.free and otherwise is ZERO:
+        return branch.condition, then
+    if not otherwise.free and then is ZERO:
+        return negation(branch.condition), otherwise
+    return None
 
 
 # -- without variables of integration ----------------------------------------------------------------------------------
@@ -147,7 +182,7 @@ def _numbers(node: Ranged, reason: str) -> range:
             raise NeedsLengths(node)
         raise ArrayIndexError(f"this {what} must be written out ({reason}), and the number of its candidates is not known", node, hint)
     count = node.hi.data - node.lo.data
-    most = MOST[type(node)]
+    most = MOST_WRITTEN[type(node)]
     if count > most:
         raise ArrayIndexError(f"this {what} must be written out ({reason}), and has {count} candidates; {most} at most", node, hint)
     return range(node.lo.data, node.hi.data)

@@ -21,17 +21,21 @@ from teg.analysis.polynomial import Point, Shadow
 from teg.errors import NotDifferentiableError
 from teg.ir.arrays import Ranged, Sum, open_indices
 from teg.ir.cells import Symbols, indices_apart, rename_indices, replace_integers, replaced
-from teg.ir.choices import CHOICES, AnyOf, Nearest, is_nothing
+from teg.ir.choices import CHOICES, AnyOf, Nearest, Product, is_nothing
 from teg.ir.expr import FALSE, MINUS_ONE, ONE, TRUE, ZERO, Add, And, Compare, Cond, Const, Expr, Not, Or, Var, const
+from teg.ir.index import IndexConst, IndexGather, IndexParam, IndexVar, index_leaves
 from teg.ir.integral import Integral, integral_over
 from teg.ir.node import Node, postorder
 from teg.ir.partition import Partition
 from teg.ir.simplify import add, integer_power, mul, where
 from teg.ir.traverse import substitute
 from teg.numerics.cells import MOST_DEGREE, MOST_GUARDS, Layout
+from teg.passes.normalise.piecewise import with_affine_atoms
 
 MOST_PARTS = 16
 KEY_DEGREE = 4
+MOST_WRITTEN: dict[type, int] = {Nearest: 24, AnyOf: 256, Product: 256}
+"""The longest ranges that are written out."""
 
 
 class Refused(Exception):  # an answer to the caller, not an error
@@ -133,7 +137,7 @@ def _choice(body: Expr) -> _Choice:
                 condition = replace_integers(cast(Expr, n.condition), same)  # type: ignore[arg-type]
                 kinds[ZERO, rename_indices(condition)] = ZERO, condition
             case _:
-                raise Refused("it is a product")
+                raise Refused("it is a product of other factors than brackets and numbers")
     if len(kinds) > 1:
         raise Refused("two choices have different keys or conditions")
     ((key, condition),) = kinds.values()
@@ -145,7 +149,10 @@ def _choice(body: Expr) -> _Choice:
 def _partition(body: Expr, box: _Box) -> Expr:
     choice = _choice(indices_apart(body))  # so that candidates of one choice can be written with the index of another
     k = choice.over.index
-    parts = _disjunctive(choice.condition)
+    condition = with_affine_atoms(choice.condition)
+    parts = _disjunctive(condition)
+    if len(parts) > 1 and condition is not choice.condition and can_be_written_out(choice.over):
+        raise Refused("alternatives that share borders have no second derivatives")
     guards = max(1, *(len(p) for p in parts))
     numbers: list[Expr] = []
     for part in parts:
@@ -167,6 +174,14 @@ def _partition(body: Expr, box: _Box) -> Expr:
 
 def _has_nothing(e: Expr) -> bool:
     return any(isinstance(n, Expr) and is_nothing(n) for n in postorder([e]))
+
+
+def can_be_written_out(over: Ranged) -> bool:
+    """Returns whether the number of candidates is known, when a program is compiled or when it is called, and small."""
+    if any(isinstance(i, IndexGather | IndexParam | IndexVar) for i in index_leaves([over.lo, over.hi])):
+        return False
+    counted = isinstance(over.lo, IndexConst) and isinstance(over.hi, IndexConst)
+    return not counted or over.hi.data - over.lo.data <= MOST_WRITTEN[type(over)]
 
 
 # -- conditions --------------------------------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""Clipped polygons and segments as statements: the numbers that decide the domain, the integrands, and their constant factors.
+"""Clipped polyhedra, polygons and segments as statements: the numbers that decide the domain, the integrands, and their constant factors.
 
 Everything is relative to a corner of the box (x = l + u): differences of large coordinates are taken once, outside, and slivers keep
 their digits. Hidden constants (a triangle's area as the sum of its barycentric coordinates) are found in the normal form of
@@ -11,7 +11,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import cast
+from functools import reduce
+from itertools import product
+from typing import NamedTuple, cast
 
 from teg.analysis.calculus import slope
 from teg.analysis.expanded import distance
@@ -28,11 +30,11 @@ from teg.passes.intrinsics.polygon.match import Clipped, Half, match_clipped
 from teg.passes.lower.emit import Emitter
 from teg.passes.lower.intrinsic import Lowering
 from teg.passes.lower.levels import Level
-from teg.program import Arg, HalfLine, HalfPlane, Polygon, Segment
+from teg.program import NEARLY, TIE_EPS, Arg, HalfLine, HalfPlane, HalfSpace, Polygon, Polyhedron, Segment, Stmt
 
 
 class PolygonLowering(Lowering):
-    """Polygons and segments of one program. Statements go to `out`."""
+    """Polyhedra, polygons and segments of one program. Statements go to `out`."""
 
     name = "polygon"
 
@@ -42,7 +44,7 @@ class PolygonLowering(Lowering):
         self._keys: dict[Integral, object | None] = {}
 
     def key(self, node: Integral, level: Level) -> object | None:
-        """Returns a key that is equal for integrals over the same polygon or segment."""
+        """Returns a key that is equal for integrals over the same polyhedron, polygon or segment."""
         if level.coordinates is not None:
             return None
         if node not in self._keys:
@@ -53,34 +55,23 @@ class PolygonLowering(Lowering):
         return self._keys[node]
 
     def emit(self, group: Sequence[Integral], home: Level, when: str | None) -> tuple[str, ...]:
-        """Returns the results of integrals over the same polygon or segment."""
+        """Returns the results of integrals over the same polyhedron, polygon or segment."""
         clipped = [self._clipped[node] for node in group]
-        return (self._polygon if len(clipped[0].boxes) == 2 else self._segment)(clipped, home, when)
+        return (self._segment, self._polygon, self._polyhedron)[len(clipped[0].boxes) - 1](clipped, home, when)
 
     def _polygon(self, group: Sequence[Clipped], home: Level, when: str | None) -> tuple[str, ...]:
         inner, outer = group[0].boxes
         x, y = inner.var, outer.var
-        corner = {x: inner.lo, y: outer.lo}
-        taken = {v for b in group[0].boxes for v in b.body.free | b.lo.free | b.hi.free} | {x, y}
-        u = fresh("u", taken)
-        v = fresh("v", taken)
-        steady = _Local((x, y), corner, {x: add(inner.lo, u), y: add(outer.lo, v)}, {})
-        planes: list[HalfPlane] = []
-        affine: dict[Expr, Expr] = {}
+        placed = self._placed(group[0], home)
+        planes = [
+            self._half_plane(half, numbers, group[0], (home, when)) for half, numbers in zip(group[0].halves, placed.numbers, strict=True)
+        ]
         triangle = match_triangle([(h.atom.g, h.negated) for h in group[0].halves], (x, y))
-        for half in group[0].halves:
-            g = steady.constants(half.g)
-            at = [cast(Expr, substitute(e, corner)) for e in (slope(g, x), slope(g, y), g)]
-            a, b, c = (self.out.number(e, home) for e in at)
-            planes.append(HalfPlane(a, b, c, half.closed))
-            if not half.negated:
-                affine[half.atom.g] = add(mul(at[0], u), mul(at[1], v), at[2])
-        local = _Local((x, y), corner, steady.places, affine)
-        variables = [u, v]
+        variables = list(placed.offsets)
         corners: tuple[tuple[Arg, Arg], ...] = ()
         across: Arg = 0.0
         if triangle is not None:
-            coordinates = fresh("λ₁", taken), fresh("λ₂", taken)
+            coordinates = fresh("λ₁", placed.taken), fresh("λ₂", placed.taken)
             inside = Inside(triangle, (x, y), coordinates)
             simpler = [replace(c, integrand=inside.simplified(c.integrand)) for c in group]
             if any(w in c.integrand.free for c in simpler for w in coordinates):
@@ -91,20 +82,83 @@ class PolygonLowering(Lowering):
                 )
                 across = self.out.number(triangle.across, home)
                 planes = [planes[k] for k in triangle.lines] + [g for k, g in enumerate(planes) if k not in triangle.lines]
-        levels = [home]
-        names = tuple(self.out.fresh("x") for _ in variables)
-        for var, name in zip(variables, names, strict=True):
-            levels.append(levels[-1].inside(var, name))
-        values, factors = self._integrands(group, local, variables, levels[1:], home)
+        names, body, values, factors = self._inside(group, placed.local, variables, home)
         width, height = (self.out.number(distance(b.lo, b.hi), home) for b in (inner, outer))
         results = tuple(self.out.fresh("v") for _ in group)
-        body = tuple(stmt for level in levels[1:] for stmt in level.block)
         degree = max(c.degree for c in group)
         met = self._met(group[0], home)
         home.block.append(
             Polygon(names, width, height, tuple(planes), (), body, values, factors, results, degree, when, met, corners, across)
         )
         return results
+
+    def _half_plane(self, half: Half, numbers: Sequence[Arg], clipped: Clipped, place: tuple[Level, str | None]) -> HalfPlane:
+        """Returns a half-plane; if it may tie, that is decided before: one that ties contains everything, or nothing. The place is its
+        level, and the condition without which it is not needed."""
+        (a, b, c), atom, out, (home, when) = numbers, half.atom, self.out, place
+        if atom.resolution is None:
+            return HalfPlane(a, b, c, half.closed)
+
+        def only(condition: str | None, value: Arg, otherwise: float) -> Arg:
+            return value if condition is None else out.assign(home, "select", condition, value, otherwise)
+
+        (u, v), bounds = [b.var for b in clipped.boxes], [(b.lo, b.hi) for b in clipped.boxes]
+        across, up = (out.assign(home, "mul", n, out.number(distance(*ends), home)) for n, ends in zip((a, b), bounds, strict=True))
+        values = [c, *(out.assign(home, "add", c, *steps) for steps in ((across,), (up,), (across, up)))]
+        most = self._largest([out.size_of(value, home) for value in values], home)
+        ends = [cast(Expr, substitute(atom.g, {u: x, v: y})) for x, y in product(*bounds)]
+        terms = self._largest([out.rounding.terms_size(end, home) for end in ends], home)
+        close = out.assign(home, "sub", out.assign(home, "mul", NEARLY, terms), most)
+        near = out.assign(home, "ge0", only(when, close, -1.0))
+        scale = self._largest([out.rounding.tie_scale(end, home) for end in ends], home)
+        g, scale = (only(when, only(near, n, otherwise), otherwise) for n, otherwise in ((most, 1.0), (scale, 0.0)))
+        first = out.truths(negation(atom.resolution) if half.negated else atom.resolution, home)[0]
+        k = out.ties.setdefault(cast("tuple[str, str]", atom.rivals), len(out.ties))
+        holds = out.assign(home, "tie", g, scale, first, k)
+        ties = out.assign(home, "ge0", out.assign(home, "sub", out.assign(home, "mul", TIE_EPS, scale), g))
+        side = out.assign(home, "select", holds, 1.0, -1.0)
+        a, b, c = (out.assign(home, "select", ties, known, n) for known, n in ((0.0, a), (0.0, b), (side, c)))
+        return HalfPlane(a, b, c, half.closed)
+
+    def _polyhedron(self, group: Sequence[Clipped], home: Level, when: str | None) -> tuple[str, ...]:
+        placed = self._placed(group[0], home)
+        halves = zip(placed.numbers, group[0].halves, strict=True)
+        spaces = tuple(HalfSpace(tuple(slopes), offset, half.closed) for (*slopes, offset), half in halves)
+        names, body, values, factors = self._inside(group, placed.local, placed.offsets, home)
+        extents = tuple(self.out.number(distance(b.lo, b.hi), home) for b in group[0].boxes)
+        results = tuple(self.out.fresh("v") for _ in group)
+        degree = max(c.degree for c in group)
+        home.block.append(Polyhedron(names, extents, spaces, (), body, values, factors, results, degree, when))
+        return results
+
+    def _placed(self, clipped: Clipped, home: Level) -> _Placed:
+        """Returns the halves of a box by offsets from its corner."""
+        variables = tuple(b.var for b in clipped.boxes)
+        corner = {b.var: b.lo for b in clipped.boxes}
+        taken = {v for b in clipped.boxes for v in b.body.free | b.lo.free | b.hi.free} | set(variables)
+        offsets = [fresh(letter, taken) for letter, _ in zip("uvw", variables, strict=False)]
+        places = {b.var: add(b.lo, u) for b, u in zip(clipped.boxes, offsets, strict=True)}
+        steady = _Local(variables, corner, places, {})
+        numbers: list[list[Arg]] = []
+        affine: dict[Expr, Expr] = {}
+        for half in clipped.halves:
+            g = steady.constants(half.g)
+            *slopes, offset = [cast(Expr, substitute(e, corner)) for e in (*(slope(g, v) for v in variables), g)]
+            numbers.append([self.out.number(e, home) for e in (*slopes, offset)])
+            if not half.negated:
+                affine[half.atom.g] = add(*(mul(a, u) for a, u in zip(slopes, offsets, strict=True)), offset)
+        return _Placed(offsets, numbers, _Local(variables, corner, places, affine), taken)
+
+    def _inside(
+        self, group: Sequence[Clipped], local: _Local, variables: Sequence[Var], home: Level
+    ) -> tuple[tuple[str, ...], tuple[Stmt, ...], tuple[Arg, ...], tuple[Arg, ...]]:
+        """Returns the names of the variables, and the integrands at a place: their block, the values, and the constant factors."""
+        levels = [home]
+        names = tuple(self.out.fresh("x") for _ in variables)
+        for var, name in zip(variables, names, strict=True):
+            levels.append(levels[-1].inside(var, name))
+        values, factors = self._integrands(group, local, variables, levels[1:], home)
+        return names, tuple(stmt for level in levels[1:] for stmt in level.block), values, factors
 
     def _met(self, clipped: Clipped, home: Level) -> Arg:
         """Returns the predicate `met`, which is False only if some half-plane contains no point of the box.
@@ -161,6 +215,9 @@ class PolygonLowering(Lowering):
         if isinstance(a, float) and isinstance(b, float):
             return max(a, b)
         return a if a == b else self.out.assign(home, "max", a, b)
+
+    def _largest(self, sizes: Sequence[Arg], home: Level) -> Arg:
+        return reduce(lambda a, b: self._larger((a, b), home), sizes)
 
     def _size_of_terms(self, g: Expr, x: Var, bounds: tuple[Expr, Expr], home: Level) -> Arg:
         """Returns a bound of the terms of an affine function between the bounds, before anything cancels."""
@@ -219,6 +276,15 @@ class PolygonLowering(Lowering):
             values.append(self.out.number(rest, levels[-1]))
             factors.append(self.out.constant((factor, *outside), home))
         return tuple(values), tuple(factors)
+
+
+class _Placed(NamedTuple):
+    """Halves of a box by `offsets` from its corner: the slopes and the offset of each are `numbers`. `taken` are the variables in use."""
+
+    offsets: list[Var]
+    numbers: list[list[Arg]]
+    local: _Local
+    taken: set[Var]
 
 
 def _has_leaf(e: Add) -> bool:

@@ -1,0 +1,111 @@
+"""Conditions on piecewise affine functions as conditions on affine functions.
+
+    g > 0   →   ∨ᵢ ∧ⱼ gᵢⱼ > 0                          if g = maxᵢ minⱼ gᵢⱼ, as all sums of abs, minimum and maximum are
+    g > 0   →   (c ∧ g₁ > 0) ∨ (¬c ∧ g₂ > 0)           if where(c, …, …) is another branch of g, and g₁, g₂ are g on its sides
+
+The first form has no condition where two functions of a maximum are equal, because no border of g > 0 is there. Cost: the number of
+results, at most `MOST_ATOMS` for a condition; where it had more a condition stays as it is.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from itertools import product
+from typing import cast
+
+from teg.analysis.kinks import kinks_of, sign_of_kink, value_nodes
+from teg.ir.cells import Symbols
+from teg.ir.expr import Add, Compare, Cond, Const, Expr, Mul, Where, const
+from teg.ir.node import Node, postorder
+from teg.ir.simplify import add, conjunction, disjunction, mul, negation, positive
+from teg.ir.traverse import replace_node, rewrite
+
+MOST_ATOMS = 64
+MOST_DEPTH = 8
+"""The number of branches that may stand in conditions of each other."""
+
+Alternatives = list[list[Expr]]
+"""maxᵢ minⱼ gᵢⱼ."""
+
+
+def with_affine_atoms(condition: Cond) -> Cond:
+    """Returns an equivalent condition whose atoms have no branches that depend on variables of integration, where that is possible."""
+    if not any(isinstance(n, Where) and n.condition.free for n in postorder([condition])):
+        return condition
+    symbols = Symbols()
+    (cell,) = symbols.into([cast(Expr, cast(Node, condition))])
+    for _ in range(MOST_DEPTH):
+        before, cell = cell, cast(Expr, rewrite([cell], _visit)[cell])
+        if cell is before:
+            break
+    return cast(Cond, cast(Node, symbols.out_of([cell])[0]))
+
+
+def _visit(_: Node, node: Node) -> Node:
+    if isinstance(node, Compare) and node.resolution is None and node.free and kinks_of(node.g):
+        return _written_out(node)
+    return node
+
+
+def _written_out(atom: Compare) -> Cond:
+    """Returns an atom as a condition on functions without branches in value position, or as it is if that is too long."""
+    cases: list[Cond] = []
+    waiting: list[tuple[tuple[Cond, ...], Expr]] = [((), atom.g)]
+    count = 0
+    while waiting:
+        sides, g = waiting.pop()
+        result = _alternatives(g)
+        if isinstance(result, Where):
+            then, otherwise = (cast(Expr, replace_node(g, result, side)) for side in (result.then, result.otherwise))
+            waiting += [((*sides, negation(result.condition)), otherwise), ((*sides, result.condition), then)]
+        elif result is not None:
+            parts = [conjunction(*(positive(f, atom.strict) for f in part)) for part in result]
+            cases.append(conjunction(*sides, disjunction(*parts)))
+            count += len(sides) + sum(map(len, result))
+        if result is None or count + len(waiting) > MOST_ATOMS:
+            return atom
+    return disjunction(*cases)
+
+
+def _alternatives(g: Expr) -> Alternatives | Where | None:
+    """Returns g as a maximum of minima, or a branch that must be decided first; None if there are too many."""
+    lattice: dict[Expr, Alternatives] = {}  # of nodes with branches below them
+    for node in value_nodes(g):
+        branching = [c for c in node.children if c in lattice]
+        if isinstance(node, Where) and node.condition.free:
+            sign = sign_of_kink(node)
+            if not sign:
+                return node
+            sides = [lattice.get(side, [[side]]) for side in (node.then, node.otherwise)]
+            result = [*sides[0], *sides[1]] if sign > 0 else _each_with_each(sides, lambda parts: [f for part in parts for f in part])
+        elif not branching:
+            continue
+        elif isinstance(node, Add):
+            terms = [lattice.get(c, [[c]]) for c in node.children]
+            result = _each_with_each(terms, lambda parts: [add(*fs) for fs in product(*parts)])
+        elif isinstance(node, Mul) and len(branching) == 1 and all(isinstance(c, Const) for c in node.children if c not in lattice):
+            factor = math.prod(cast(float, c.data) for c in node.children if c not in lattice)
+            result = _times(factor, lattice[branching[0]])
+        else:
+            return kinks_of(node)[0]
+        if sum(map(len, result)) > MOST_ATOMS or not result:
+            return None
+        lattice[node] = result
+    return lattice.get(g, [[g]])
+
+
+def _times(factor: float, alternatives: Alternatives) -> Alternatives:
+    """Returns a number times a maximum of minima: for a negative number max min is min max, which is the maximum over all selections."""
+    if factor >= 0:
+        return [[mul(const(factor), f) for f in part] for part in alternatives]
+    if math.prod(map(len, alternatives)) > MOST_ATOMS:
+        return []
+    return [[mul(const(factor), f) for f in chosen] for chosen in product(*alternatives)]
+
+
+def _each_with_each(terms: Sequence[Alternatives], joined: Callable[[Sequence[list[Expr]]], list[Expr]]) -> Alternatives:
+    """Returns a part for every selection of one part of each term; none if these are too many."""
+    if math.prod(sum(map(len, parts)) for parts in terms) > MOST_ATOMS:
+        return []
+    return [joined(parts) for parts in product(*terms)]

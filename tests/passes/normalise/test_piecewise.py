@@ -1,0 +1,115 @@
+"""Conditions on piecewise affine functions as conditions on affine functions, and choices over data with such conditions."""
+
+from __future__ import annotations
+
+import itertools
+import random
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+import teg
+from teg.analysis.kinks import kinks_of
+from teg.ir.expr import Compare
+from teg.ir.node import postorder
+from teg.passes.normalise.piecewise import with_affine_atoms
+
+X, Y = teg.vars("x y")
+T = teg.param("t")
+K, P = teg.index("k"), teg.index("p")
+C, R = teg.array("C", 2), teg.indices("R", 2)
+OVER = (K, R[P, 0], R[P, 1])
+BACKENDS = ["c", "numpy", "jax"]
+DATA = {"C": np.array([[0.3, 0.3], [0.42, 0.35], [0.8, 0.2]]), "R": np.array([[0, 2], [2, 2], [1, 3]])}
+
+
+@pytest.fixture(autouse=True)
+def double_precision() -> Iterator[None]:
+    import jax
+
+    before = jax.config.jax_enable_x64
+    jax.config.update("jax_enable_x64", True)
+    yield
+    jax.config.update("jax_enable_x64", before)
+
+
+def test_normal_forms() -> None:
+    u = X - T
+    assert with_affine_atoms(teg.abs(u) < T) is with_affine_atoms((T - u > 0) & (T + u > 0))
+    assert str(with_affine_atoms(teg.maximum(X, Y) > T)) == str((X - T > 0) | (Y - T > 0))
+    plain = (X < T) & ~(Y < T)
+    assert with_affine_atoms(plain) is plain
+
+
+def _random(rng: random.Random, depth: int) -> teg.Expr:
+    if depth == 0:
+        return rng.choice([X - 0.3, Y * 0.7 + X - T, 0.5 - Y, X * 2.0 - Y])
+    a, b = _random(rng, depth - 1), _random(rng, depth - 1)
+    return rng.choice([teg.abs(a), teg.maximum(a, b), teg.minimum(a, b), a - b, -1.5 * a, teg.where(b > 0.1, a, b), a * T])
+
+
+def test_conditions_keep_their_meaning() -> None:
+    whole = 0
+    for seed in range(60):
+        rng = random.Random(seed)
+        before = _random(rng, 2) > 0.1
+        after = with_affine_atoms(before)
+        whole += any(isinstance(n, Compare) and n.free and kinks_of(n.g) for n in postorder([after]))
+        both = teg.tuple(teg.bracket(before), teg.bracket(after))
+        for _ in range(4):
+            at = {X: rng.random(), Y: rng.random(), T: rng.uniform(-1, 1)}
+            first, second = teg.evaluate(teg.substitute(both, at))
+            assert float(first) == float(second), (seed, before, at)
+    assert whole <= 3  # too long ones stay as they are
+
+
+def _squares(c: np.ndarray, r: float) -> float:
+    """Returns the area of a union of squares in the unit square, by a grid of all their sides."""
+    xs, ys = (np.unique(np.clip(np.concatenate([c[:, i] - r, c[:, i] + r, [0, 1]]), 0, 1)) for i in (0, 1))
+    total = 0.0
+    for a, b in itertools.pairwise(xs):
+        for d, e in itertools.pairwise(ys):
+            inside = (abs((a + b) / 2 - c[:, 0]) < r) & (abs((d + e) / 2 - c[:, 1]) < r)
+            total += (b - a) * (e - d) * bool(inside.any())
+    return total
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_unions_of_squares_over_lists(backend: str) -> None:
+    near = (teg.abs(X - C[K, 0]) < T) & (teg.abs(Y - C[K, 1]) < T)
+    largest = teg.maximum(teg.abs(X - C[K, 0]), teg.abs(Y - C[K, 1])) < T
+    programs = [
+        teg.integral(teg.bracket(condition), (X, 0, 1), (Y, 0, 1))
+        for condition in (
+            teg.any(near, OVER),
+            teg.any(largest, OVER),
+            ~teg.all((teg.abs(X - C[K, 0]) > T) | ~(teg.abs(Y - C[K, 1]) < T), OVER),
+        )
+    ]
+    f = teg.compile(teg.tuple(*(teg.sum(e, (P, 0, teg.length(R, 0))) for e in programs)), backend=backend)
+    values, gradient = f.value_and_grad(t=0.1, **DATA)
+    h = 1e-4
+    lists = [DATA["C"][a:b] for a, b in DATA["R"]]
+    expected = sum(_squares(c, 0.1) for c in lists)
+    rate = (sum(_squares(c, 0.1 + h) for c in lists) - sum(_squares(c, 0.1 - h) for c in lists)) / (2 * h)
+    for i in range(3):
+        assert float(values[i]) == pytest.approx(expected, abs=1e-12)
+        assert float(gradient["t"][i]) == pytest.approx(rate, abs=1e-9)  # areas are quadratic in t
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_products_of_brackets_over_lists(backend: str) -> None:
+    products = [
+        teg.prod(teg.bracket(C[K, 0] < X), OVER),
+        teg.prod(1 - teg.bracket(C[K, 0] < X), OVER),
+        teg.prod(C[K, 1] * teg.bracket(C[K, 0] < X), OVER),
+    ]
+    f = teg.compile(teg.tuple(*(teg.sum(teg.integral(e, (X, 0, 1)), (P, 0, teg.length(R, 0))) for e in products)), backend=backend)
+    values, gradient = f.value_and_grad(**DATA)
+    c = DATA["C"]
+    assert list(map(float, values)) == pytest.approx([0.58 + 1 + 0.2, 0.3 + 1 + 0.42, 0.3 * 0.35 * 0.58 + 1 + 0.35 * 0.2 * 0.2])
+    np.testing.assert_allclose(gradient["C"][0], [[0, 0], [-1, 0], [-1, 0]], atol=1e-14)
+    np.testing.assert_allclose(gradient["C"][1], [[1, 0], [1, 0], [0, 0]], atol=1e-14)
+    moved = [[0, 0.35 * 0.58], [-c[0, 1] * c[1, 1], 0.3 * 0.58 + 0.2 * 0.2], [-c[1, 1] * c[2, 1], 0.35 * 0.2]]
+    np.testing.assert_allclose(gradient["C"][2], moved, atol=1e-14)
