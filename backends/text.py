@@ -31,6 +31,8 @@ _RENAMED = {
     "select": "where",
     "min": "minimum",
     "max": "maximum",
+    "lower": "minimum",
+    "upper": "maximum",
 }
 
 

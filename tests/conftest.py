@@ -6,9 +6,10 @@ flags. Tests of the C backend itself, of its lanes and of its threads compile as
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from math import inf
 from pathlib import Path
 
@@ -32,6 +33,17 @@ THOROUGH = tuple(line for line in (Path(__file__).parent / "thorough.txt").read_
 
 AS_RELEASED = kernel.OPTIMISATION, build.OPTIMISE
 """The C compiler's flags when no test has changed them."""
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Generator[None, object, object]:
+    """Thousands of tests that stay: the garbage collector looks for none of them, while they are collected and afterwards."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -82,11 +94,20 @@ def as_users_compile(quickly_compiled: None) -> Iterator[None]:
         yield
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(autouse=True, scope="module")
 def derived_once() -> Iterator[None]:
-    """Equal programs of a module's tests are derived once: no backend has a part in that. Not for tests that change a pass."""
+    """Equal programs of a module's tests are derived once: no backend has a part in that."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(plan, "_derivations", {})
+        yield
+
+
+@pytest.fixture(autouse=True)
+def derived_anew(request: pytest.FixtureRequest) -> Iterator[None]:
+    """A test that changes something, or reads the log, derives its own programs."""
+    with pytest.MonkeyPatch.context() as patch:
+        if not {"monkeypatch", "caplog"}.isdisjoint(request.fixturenames):
+            patch.setattr(plan, "_derivations", {})
         yield
 
 

@@ -71,10 +71,15 @@ class Crossed:
     good: Arg
 
 
-def crossed(program: Program, inputs: Sequence[Mapping[str, int | None]] | None = None, alone: int | None = None) -> Crossed | None:
+def crossed(
+    program: Program,
+    inputs: Sequence[Mapping[str, int | None]] | None = None,
+    alone: int | None = None,
+    everywhere: bool = False,
+) -> Crossed | None:
     """Returns the straight line; None if there is none, or no surface. `inputs` has the residues of the parameters at several random
     points; by default, nothing connects them. If a half-plane of the polygons stands `alone`, the others hold on all of the box: it is not
-    good elsewhere."""
+    good elsewhere. `everywhere`: it is good too where the branch that gives all outputs is not taken."""
     if len(program.body) > MOST or not any(isinstance(s, Polygon | Segment) for s in statements(program.body)):
         return None
     line = _Line(program, inputs or unconnected(program), alone)
@@ -86,6 +91,10 @@ def crossed(program: Program, inputs: Sequence[Mapping[str, int | None]] | None 
     good: Arg = True
     for condition in (*dict.fromkeys(line.conditions), w.finite(*numbers)):
         good = condition if good is True else w.put("b", "and", good, condition)
+    if everywhere and (branch := line.decisive) is not None:
+        taken = line.value(branch.when)
+        outputs = tuple(w.select(taken, o, 0.0) if isinstance(o, str) else o for o in outputs)
+        good = w.any(w.put("b", "not", taken), good)
     line.keep()
     items = needed(line.items, (*outputs, good))
     short = sum(len(i.body) if isinstance(i, Nodes) else 1 for i in items) <= LONGEST
@@ -122,7 +131,7 @@ class _Line:
         """Numbers that must not be NaN."""
         self._made: dict[Arg, Assign] = {}
         self._known: dict[Arg, Arg] = {}
-        self._decisive = next((s for s in program.body if isinstance(s, When) and set(program.outputs) <= set(s.results)), None)
+        self.decisive = next((s for s in program.body if isinstance(s, When) and set(program.outputs) <= set(s.results)), None)
 
     def keep(self) -> None:
         """Moves what was written to the items."""
@@ -142,13 +151,13 @@ class _Line:
                 case Assign():
                     self._plain(stmt)
                 case When():
-                    is_decisive = held and stmt is self._decisive
+                    is_decisive = held and stmt is self.decisive
                     self._inside += [] if is_decisive else [self.value(stmt.when)]
                     if not self.through(stmt.body, is_decisive):
                         return False
                     if not is_decisive:
                         self._inside.pop()
-                    if stmt is not self._decisive:
+                    if stmt is not self.decisive:
                         self._where(stmt.when, stmt.results)
                 case Polygon() if _is_crossable(stmt):
                     self._on_condition(stmt, self._polygon(stmt))

@@ -16,6 +16,8 @@ ABREAST_ON_STACK = 128
 """Values at nodes side by side that stand on the C stack."""
 SHORT = 40
 """Statements of an integral that is compared with others."""
+MANY = 8
+"""Breaks up to which none is left out before they are sorted."""
 
 
 class Integrals:
@@ -63,7 +65,7 @@ class Integrals:
         arrays = _arrays_of(stmt, frame, abreast, max(len(at_nodes), len(bounds)))
         arrays += array_of_places(frame, "ends", pieces + 1)
         spell = frame.scope()
-        ends = [f"ends[{i}] = teg_clamp({spell(arg)}, a, b);" for i, arg in enumerate(stmt.breaks, 1)]
+        ends, number_of_pieces = _ends(stmt.breaks, spell)
         nothing = not_a_number("sum", count)
         inside = [
             *arrays,
@@ -72,10 +74,9 @@ class Integrals:
             ("if (lo != lo || hi != hi) " if stmt.infinite else "if (!isfinite(lo) || !isfinite(hi)) ") + nothing,
             *([stop("sum", count)] if isinstance(stmt.rule, Adaptive) else []),
             "const double a = lo <= hi ? lo : hi, b = lo <= hi ? hi : lo, sign = lo <= hi ? 1.0 : -1.0;",
-            *packed(["ends[0] = a;", *ends, f"ends[{pieces}] = b;"]),
-            *([f"teg_sort(ends + 1, {pieces - 1});"] if pieces > 2 else []),
+            *ends,
             "double sum[1] = {0.0};" if count == 1 else f"teg_fill(sum, {count}, 0.0);",
-            f"for (int i = 0; i < {pieces}; i++) {{",
+            f"for (int i = 0; i < {number_of_pieces}; i++) {{",
             *indent(
                 "const double p = ends[i], q = ends[i + 1];",
                 "if (!teg_is_piece(p, q)) continue;",
@@ -141,6 +142,17 @@ def _pattern(stmt: Integrate) -> tuple[object, list[str]] | None:
         parts += [line.op, len(line.args)]
         note((line.name, *line.args))
     return tuple(parts), list(number)
+
+
+def _ends(breaks: Sequence[Arg], spell: Scope) -> tuple[list[str], str]:
+    """Returns lines that write the ends of the pieces of (a, b), and the number of pieces. Of many breaks those inside are picked out."""
+    count, many = len(breaks), len(breaks) > MANY
+    lines = packed(
+        ["ends[0] = a;", *(f"ends[{i}] = {spell(t) if many else f'teg_clamp({spell(t)}, a, b)'};" for i, t in enumerate(breaks, 1))]
+    )
+    if many:
+        return [*lines, f"const int pieces = teg_breaks(ends, {count}, b);"], "pieces"
+    return [*lines, f"ends[{count + 1}] = b;", *([f"teg_sort(ends + 1, {count});"] if count > 1 else [])], str(count + 1)
 
 
 def _arrays_of(stmt: Integrate, frame: Frame, abreast: Abreast | None, most: int) -> list[str]:

@@ -15,7 +15,7 @@ from functools import partial
 from teg.backends.c.frame import SUMS, WEIGHT, Frame, Scope, Step
 from teg.backends.c.text import indent, literal, packed
 from teg.numerics.quadrature import gauss_legendre, triangle_rule
-from teg.program import Arg, Assign, Polygon, Segment, Stmt
+from teg.program import Arg, Assign, Polygon, Polyhedron, Segment, Stmt
 
 SOME = 8
 """Sums of a step."""
@@ -55,12 +55,12 @@ def _factor(scope: Scope, value: Arg) -> str:
     return text.text if text.level >= 4 else f"({text.text})"
 
 
-def _leave(count: int, value: str) -> list[str]:
+def leave(count: int, value: str) -> list[str]:
     """Return with every result the same."""
     return [f"return {value};"] if count == 1 else [f"teg_fill(sum, {count}, {value});", "return;"]
 
 
-def totals(stmt: Polygon | Segment, distinct: Sequence[Arg], scope: Scope, lanes: int) -> list[str]:
+def totals(stmt: Polyhedron | Polygon | Segment, distinct: Sequence[Arg], scope: Scope, lanes: int) -> list[str]:
     """Returns the results, from the sums."""
     lines = []
     if lanes > 1:
@@ -119,7 +119,7 @@ def polygon(stmt: Polygon, frame: Frame, distinct: Sequence[Arg], lanes: int, co
         f"double {', '.join(f'p{name}[{room}]' for name in names)};",
         *clipping,
         "if (corners <= 0) {",
-        *indent(*_leave(count, "corners ? NAN : 0.0")),
+        *indent(*leave(count, "corners ? NAN : 0.0")),
         "}",
         *frame.block(0),
         f"double {', '.join(f'{name}[{nodes}]' for name in (*(f'at_{name}' for name in names), 'weights'))};",
@@ -181,10 +181,10 @@ def segment(stmt: Segment, frame: Frame, distinct: Sequence[Arg], lanes: int, co
     return [
         *lines,
         "if (cut.outside || !(cut.from < cut.to)) {",
-        *indent(*_leave(count, "cut.undefined && !cut.outside ? NAN : 0.0")),
+        *indent(*leave(count, "cut.undefined && !cut.outside ? NAN : 0.0")),
         "}",
         "if (cut.undefined) {",
-        *indent(*_leave(count, "NAN")),
+        *indent(*leave(count, "NAN")),
         "}",
         "const double length = cut.to - cut.from;",
         *([f"ctx->evaluations += {stmt.nodes};"] if counted else []),

@@ -33,6 +33,7 @@ from teg.backends.c.polygon import (
     segment_lanes,
     sums,
 )
+from teg.backends.c.polyhedron import polyhedron, polyhedron_lanes
 from teg.backends.c.quadrature import (
     isolation,
     location,
@@ -53,6 +54,7 @@ from teg.program import (
     Isolate,
     Locate,
     Polygon,
+    Polyhedron,
     Program,
     Sample,
     Segment,
@@ -64,7 +66,7 @@ from teg.program import (
 )
 
 INLINED = 6
-"""Polygons and segments up to which each is compiled where it stands."""
+"""Polyhedra, polygons and segments up to which each is compiled where it stands."""
 Together = tuple[int, ...]
 """Functions of a program that are called together, by their numbers."""
 
@@ -86,9 +88,11 @@ class Printer(Routines):
     def element(self, program: Program, kind: str = "element", by_value: int | None = None, told: str | None = None) -> Routine:
         """Returns the routine of the whole program at one point: from the parameters it writes the outputs to `f`. There is one "element",
         "run"s are numbered. It returns the boolean `told`, if there is one."""
-        if told is None and not any(isinstance(s, Polygon | Segment | Hyperbola | Ellipse | When) for s in compound(program.body)):
+        if told is None and not any(
+            isinstance(s, Polyhedron | Polygon | Segment | Hyperbola | Ellipse | When) for s in compound(program.body)
+        ):
             program = with_lazy_choices(program)
-        self.inlined = sum(isinstance(s, Polygon | Segment | Hyperbola | Ellipse) for s in compound(program.body)) <= INLINED
+        self.inlined = sum(isinstance(s, Polyhedron | Polygon | Segment | Hyperbola | Ellipse) for s in compound(program.body)) <= INLINED
         self.functions = program.functions
         steps = [*self.steps(program.body), *yields(program.outputs)]
         parameters, context = [f"p{i}" for i in range(len(program.parameters))], needs_context(program.body, self.counted)
@@ -136,7 +140,9 @@ class Printer(Routines):
 
         yield Step(tuple(stmt.name for stmt in calls), inputs, None, lines, 4 + len(inputs) // 8)
 
-    def _call(self, stmt: Integrate | Isolate | Locate | SumOver | Sample | Polygon | Segment | Hyperbola | Ellipse | When) -> Step:
+    def _call(
+        self, stmt: Integrate | Isolate | Locate | SumOver | Sample | Polygon | Polyhedron | Segment | Hyperbola | Ellipse | When
+    ) -> Step:
         """Returns the call of a statement's routine."""
         match stmt:
             case Integrate():
@@ -149,7 +155,7 @@ class Printer(Routines):
                 routine, captured = self._sum(stmt)
             case Sample():
                 routine, captured = self._sample(stmt)
-            case Polygon() | Segment():
+            case Polyhedron() | Polygon() | Segment():
                 routine, captured = self._clipped(stmt)
             case Hyperbola():
                 routine, captured = self._hyperbola(stmt)
@@ -159,36 +165,42 @@ class Printer(Routines):
                 routine, captured = self._branch(stmt)
         return called(stmt, routine, captured)
 
-    def _clipped(self, stmt: Polygon | Segment) -> tuple[Routine, tuple[Arg, ...]]:
-        """Returns the routine of a polygon or a segment."""
+    def _clipped(self, stmt: Polyhedron | Polygon | Segment) -> tuple[Routine, tuple[Arg, ...]]:
+        """Returns the routine of a polyhedron, a polygon or a segment."""
         given: dict[Arg, Arg] = {}
         if isinstance(stmt, Segment):
             stmt, given = _with_resolutions_passed(stmt)
-        side_by_side = runs_side_by_side(stmt.body) and not (isinstance(stmt, Polygon) and not stmt.degree)
         distinct, adding = sums(stmt.values)
-        body = [*self.steps(stmt.body), *adding]
+        blocks = [list(self.steps(stmt.setup)), [*self.steps(stmt.body), *adding]]
+        match stmt:
+            case Polyhedron():
+                kind, variables, lanes = "polyhedron", dict(zip(stmt.variables, "xyz", strict=True)), polyhedron_lanes(stmt.degree)
+            case Polygon():
+                kind, variables, lanes = "polygon", dict(zip(stmt.variables, COORDINATES, strict=False)), LANES if stmt.degree else 1
+            case Segment():
+                kind, variables, lanes = "segment", {stmt.var: "x"}, segment_lanes(stmt.nodes)
+                blocks.insert(1, list(self.steps(stmt.scales)))
+        lanes = lanes if runs_side_by_side(stmt.body) else 1
         own = spelled(stmt, "setup", "scales")
-        context = needs_context((stmt,), self.counted)
-        if isinstance(stmt, Polygon):
-            blocks, variables = [list(self.steps(stmt.setup)), body], dict(zip(stmt.variables, COORDINATES, strict=False))
-        else:
-            blocks, variables = [list(self.steps(stmt.setup)), list(self.steps(stmt.scales)), body], {stmt.var: "x"}
         captured = captured_by(own, [step for block in blocks for step in block], variables)
-        lanes = 1 if not side_by_side else LANES if isinstance(stmt, Polygon) else segment_lanes(stmt.nodes)
         whole = (len(blocks) - 1,) if lanes > 1 else ()  # values in lanes are not what parts take and keep
-        frame = Frame(captured, blocks, own, context, variables, Spelling(by_value=self.by_value, whole=whole))
-        if isinstance(stmt, Polygon):
-            if stmt.degree not in (0, 2):
-                self.triangles.add(stmt.degree)
-            lines = polygon(stmt, frame, distinct, lanes, self.counted)
-        else:
-            self.units.add((stmt.nodes, segment_lanes(stmt.nodes)))
-            lines = segment(stmt, frame, distinct, lanes, self.counted)
-        inside = [*frame.opening(), *lines]
-        kind = "polygon" if isinstance(stmt, Polygon) else "segment"
+        frame = Frame(captured, blocks, own, needs_context((stmt,), self.counted), variables, Spelling(by_value=self.by_value, whole=whole))
+        inside = [*frame.opening(), *self._inside_of_clipped(stmt, frame, distinct, lanes)]
         head = heading(frame, "sum", len(stmt.results))
         routine = self.routine(kind, frame, head.replace("static", "TEG_INLINE", 1) if self.inlined else head, inside)
         return routine, tuple(given.get(arg, arg) for arg in captured)
+
+    def _inside_of_clipped(self, stmt: Polyhedron | Polygon | Segment, frame: Frame, distinct: Sequence[Arg], lanes: int) -> list[str]:
+        match stmt:
+            case Polyhedron():
+                self.tetrahedra |= {stmt.degree} if stmt.degree > 1 else set()
+                return polyhedron(stmt, frame, distinct, lanes, self.counted)
+            case Polygon():
+                self.triangles |= set() if stmt.degree in (0, 2) else {stmt.degree}
+                return polygon(stmt, frame, distinct, lanes, self.counted)
+            case Segment():
+                self.units.add((stmt.nodes, segment_lanes(stmt.nodes)))
+                return segment(stmt, frame, distinct, lanes, self.counted)
 
     def _hyperbola(self, stmt: Hyperbola) -> tuple[Routine, tuple[Arg, ...]]:
         """Returns the routine of the moments of a hyperbola."""

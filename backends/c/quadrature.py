@@ -149,7 +149,6 @@ def adaptive_piece(block: Sequence[str] | Nodes, rule: Adaptive, sums: Sums, pla
     unknown = ["const int tied = ctx->tied, missed = ctx->missed;"] if watched and places.noted else []
     first, inside = nodes_of(block, "nodes", [f"const double u = middle + half * {node};", *place, *unknown], "slope")
     return [
-        *(["const double rounding = teg_rounding(p, q);"] if sums.estimated else []),
         "teg_interval waiting[TEG_MAX_DEPTH + 2];",
         "waiting[0] = (teg_interval){0.0, 1.0, 0};",
         *(f"teg_fill({total}, {tested}, 0.0);" for total in ("spent", "whole")),
@@ -176,10 +175,28 @@ def adaptive_piece(block: Sequence[str] | Nodes, rule: Adaptive, sums: Sums, pla
             "}",
             *_judged(tested, watched, good, None if guard is None else _searched(guard, place, tested, whole, literal(rule.tol))),
             *_halved_or_accepted(tested, watched, "whole[j]" if guard is None else f"({whole})[j]", guard is not None),
+            *(_rounding_within(place) if sums.estimated else []),
             *_taken(count, tested, sums.estimated),
         ),
         "}",
         f"if (teg_overspent({tested}, spent, whole, {literal(rule.tol)})) ctx->missed = 1;",
+    ]
+
+
+def _rounding_within(place: Sequence[str]) -> list[str]:
+    """Returns lines that set `rounding`, the effect of rounding on the interval."""
+    return [
+        "double ends[3] = {p, q, p};",
+        "for (int end = 0; end < 3; end++) {",
+        *indent(
+            "const double u = end == 0 ? here.from : end == 1 ? here.to : middle;",
+            "if (u <= 0.0 || u >= 1.0) continue;",
+            *place,
+            "(void)slope;",
+            "ends[end] = x;",
+        ),
+        "}",
+        "const double rounding = fmax(teg_rounding(p, q), 0.5 * TEG_ROUNDING + teg_placed(ends[0], ends[2], ends[1]));",
     ]
 
 

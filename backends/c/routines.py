@@ -10,6 +10,7 @@ from teg.backends.c.frame import RESULTS, Frame, Routine, Scope, Step
 from teg.backends.c.hyperbola import along_function
 from teg.backends.c.poles import plain_table, weights_function
 from teg.backends.c.polygon import triangle_table, unit_table
+from teg.backends.c.polyhedron import tetrahedron_table
 from teg.backends.c.quadrature import gauss_table, node_table
 from teg.backends.c.samples import sobol_table
 from teg.backends.c.text import indent, packed, wrapped
@@ -21,6 +22,7 @@ from teg.program import (
     Locate,
     Midpoint,
     Polygon,
+    Polyhedron,
     Rational,
     Sample,
     Segment,
@@ -48,6 +50,7 @@ class Routines:
         self.poles: set[tuple[int, int]] = set()  # nodes and powers
         self.inlined = False  # whether polygons and segments are written where they are called
         self.triangles: set[int] = set()  # degrees of rules on triangles
+        self.tetrahedra: set[int] = set()  # and on tetrahedra
         self.units: set[tuple[int, int]] = set()  # nodes of segments, and how many of them are taken side by side
         self.branches: set[tuple[tuple[int, int], ...]] = set()  # sets of moments of hyperbolas
         self.ellipses: set[c_ellipse.Wanted] = set()  # sets of moments of ellipses
@@ -63,14 +66,15 @@ class Routines:
     def tables(self) -> list[str]:
         """Returns the tables that the routines use, and functions made of tables."""
         found = [*map(gauss_table, sorted(self.orders)), *map(node_table, sorted(self.measured))]
-        found += [*map(triangle_table, sorted(self.triangles)), *(unit_table(*key) for key in sorted(self.units))]
+        found += [*map(triangle_table, sorted(self.triangles)), *map(tetrahedron_table, sorted(self.tetrahedra))]
+        found += (unit_table(*key) for key in sorted(self.units))
         found += [*map(plain_table, sorted({n for n, _ in self.poles})), *(weights_function(*pole) for pole in sorted(self.poles))]
         found += map(along_function, sorted(self.branches))
         found += map(c_ellipse.moments_function, sorted(self.ellipses))
         return found + ([sobol_table(self.dimensions)] if self.dimensions else [])
 
     def is_counted(self, stmt: Integrate | Sample) -> bool:
-        return self.counted and not any(isinstance(s, Integrate | Sample | Polygon | Segment) for s in compound(stmt.body))
+        return self.counted and not any(isinstance(s, Integrate | Sample | Polyhedron | Polygon | Segment) for s in compound(stmt.body))
 
     def routine(self, kind: str, frame: Frame, signature: str, inside: list[str]) -> Routine:
         """Returns the routine of this text, in which '@' stands for its name."""
@@ -102,7 +106,7 @@ def needs_context(block: tuple[Stmt, ...], counted: bool) -> bool:
     """Returns whether a run can meet a tie, miss a tolerance, have too little room, take long, or count."""
     return has_ties(block) or any(
         isinstance(s, Sample | Isolate | Locate)
-        or (isinstance(s, Polygon | Segment) and counted)
+        or (isinstance(s, Polyhedron | Polygon | Segment) and counted)
         or (isinstance(s, Integrate) and (counted or isinstance(s.rule, Adaptive | Rational) or is_long(s)))
         for s in compound(block)
     )

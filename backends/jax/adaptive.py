@@ -22,7 +22,7 @@ from teg.backends.jax.while_loops import while_loop
 from teg.backends.shared import rules
 from teg.backends.shared.bends import POWER, Bends, place
 from teg.numerics.quadrature import decay_power, gauss_legendre, null_rules
-from teg.program import DEEP, DIVERGENT, MAX_DEPTH, MAX_INTERVALS, SPENT, WATCH_WIDTH
+from teg.program import DEEP, DIVERGENT, MAX_DEPTH, MAX_INTERVALS, ROUNDING, SPENT, WATCH_WIDTH
 
 END = 2**MAX_DEPTH
 """The coordinate u in (0, 1) of an adaptive interval is counted in units of 1/END."""
@@ -161,7 +161,10 @@ def _turned(how: _How, piece: OnPiece, at: _Progress) -> _Progress:
     tested = jnp.where(endless, jnp.copysign(jnp.inf, tested), tested)
     total = jnp.concatenate([tested, measured.total[pieces.tested :]])
     if pieces.estimated:
-        total = jnp.concatenate([total, measured.error + rules.rounding(jnp, places.p, places.q) * measured.size])
+        ends = place(JAX, places, pieces.ways, left + width * jnp.asarray([0.0, 0.5, 1.0]))[0]
+        first, last = jnp.where(left > 0.0, ends[0], places.p), jnp.where(left + width < 1.0, ends[2], places.q)
+        factor = jnp.fmax(rules.rounding(jnp, places.p, places.q), 0.5 * ROUNDING + rules.placed(jnp, first, ends[1], last))
+        total = jnp.concatenate([total, measured.error + factor * measured.size])
     start = jnp.where(done, at.start + at.width, at.start)
     halved = jnp.where(full & ~looks, at.width // 2, at.width)
     return _Progress(

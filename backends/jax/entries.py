@@ -2,13 +2,15 @@
 
 Roots are found as an array, named one by one in the printed text, and then needed as an array again: as breaks, as points of a sum, as
 columns of rows. XLA makes a kernel of each number that it takes from an array, so numbers are looked up: those that came from one array are
-read from it at once. This module imports JAX.
+read from it at once. What is known lasts for one run of a printed program (`remembered`). This module imports JAX.
 """
 
 from __future__ import annotations
 
 import weakref
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -31,25 +33,37 @@ class Entry(NamedTuple):
     place: int
 
 
-_ENTRIES: dict[int, Entry] = {}
-"""By the id of the number, while it is there."""
+_ENTRIES: ContextVar[dict[int, Entry] | None] = ContextVar("entries", default=None)
+"""By the ids of their numbers, while a printed program runs and as long as a number is there: a tracer must not outlive its trace."""
+
+
+@contextmanager
+def remembered() -> Iterator[None]:
+    """Returns a context in which it is known of numbers that they were taken from arrays."""
+    token = _ENTRIES.set({})
+    try:
+        yield
+    finally:
+        _ENTRIES.reset(token)
 
 
 def entries(array: Any) -> tuple[Any, ...]:
     """The numbers of an array, (n,)."""
     numbers = tuple(array[i] for i in range(array.shape[0]))
-    for place, number in enumerate(numbers):
-        _ENTRIES[id(number)] = Entry(weakref.ref(number, partial(_forget, id(number))), array, place)
+    known = _ENTRIES.get()
+    if known is not None:
+        for place, number in enumerate(numbers):
+            known[id(number)] = Entry(weakref.ref(number, partial(_forget, known, id(number))), array, place)
     return numbers
 
 
-def _forget(key: int, _: weakref.ref[Any]) -> None:
-    _ENTRIES.pop(key, None)
+def _forget(known: dict[int, Entry], key: int, _: weakref.ref[Any]) -> None:
+    known.pop(key, None)
 
 
 def entry(number: Any) -> Entry | None:
     """Where a number stands, if it was taken from an array."""
-    known = _ENTRIES.get(id(number))
+    known = (_ENTRIES.get() or {}).get(id(number))
     return known if known is not None and known.number() is number else None
 
 

@@ -27,9 +27,11 @@ import numpy.typing as npt
 
 from teg.backends.branches import with_selects
 from teg.backends.jax.alike import Rows, with_rows
+from teg.backends.jax.straight import straight
 from teg.backends.text import Dialect, assignment, inside, strict, value
 from teg.errors import BackendError, MissingPackageError
-from teg.numerics.quadrature import triangle_rule
+from teg.numerics.polyhedra import SIDES
+from teg.numerics.quadrature import tetrahedron_rule, triangle_rule
 from teg.numerics.sobol import replicated
 from teg.program import (
     ISOLATE_DEPTH,
@@ -47,6 +49,7 @@ from teg.program import (
     Midpoint,
     Outcome,
     Polygon,
+    Polyhedron,
     Program,
     Rational,
     Sample,
@@ -85,6 +88,7 @@ class JaxKernel:
         from teg.backends.jax import hyperbola as jax_hyperbola
         from teg.backends.jax import poles as jax_poles
         from teg.backends.jax import polygon as jax_polygon
+        from teg.backends.jax import polyhedron as jax_polyhedron
         from teg.backends.jax import roots as jax_roots
         from teg.backends.jax import runtime as jax_runtime
         from teg.backends.jax import samples as jax_sampling
@@ -94,11 +98,20 @@ class JaxKernel:
         functions = [_kept(Unbound(cast(Program, f.body))) for f in program.functions]
         self.source = "\n".join([text, *(f"\n# function_{k}: the kernel of\n{body}" for k, body in enumerate(functions))])
         scope: dict[str, Any] = {"jnp": jax.numpy, "rt": jax_runtime, "roots": jax_roots, "sampling": jax_sampling}
-        scope |= {"polygons": jax_polygon, "poles": jax_poles, "hyperbolas": jax_hyperbola, "ellipses": jax_ellipse}
+        scope |= {
+            "polygons": jax_polygon,
+            "polyhedra": jax_polyhedron,
+            "poles": jax_poles,
+            "hyperbolas": jax_hyperbola,
+            "ellipses": jax_ellipse,
+        }
         scope |= {"adaptive": jax_adaptive, "guards": jax_guard}
         for k, body in enumerate(functions):
             scope[f"function_{k}"] = _made(body, dict(scope))
         self._kernel = _made(text, scope)
+        line = straight(program, DIALECT)
+        self.source += f"\n\n{line}" if line else ""
+        self._straight = _made(line, dict(scope), "straight") if line else None
         self._step = 1 << max(0, (LANES // _nodes(program.body)).bit_length() - 1)
         self._batched: dict[tuple[bool, ...], Callable[..., Any]] = {}
 
@@ -110,7 +123,8 @@ class JaxKernel:
         return _import_jax().numpy.stack(self.run(*arguments)[0])
 
     def run(self, *arguments: Any) -> tuple[tuple[Any, ...], Any]:
-        """The outputs and the note: were there ties, was a tolerance missed.
+        """The outputs and the note: were there ties, was a tolerance missed. Where the straight line of the program is right, these are
+        its outputs.
 
         Outputs are numbers, not an array: XLA would compute the array in one kernel, each entry of it in a branch of its own.
 
@@ -118,6 +132,24 @@ class JaxKernel:
         first one met a tie; of a batch (a mapped loop goes on while one of its lanes does) if it was met anywhere. Parameters depend on
         the turn, as far as XLA knows: else it takes all but the ties out of the loop, in many passes.
         """
+        if self._straight is None:
+            return self._exactly(arguments)
+        jnp = _import_jax().numpy
+        from teg.backends.jax.rarely import rarely
+
+        scalars = [jnp.asarray(argument, jnp.float64) for argument in arguments]
+        outputs, good = self._straight(_zero(scalars), *scalars)
+        found = [*(jnp.asarray(o, jnp.float64) for o in outputs), jnp.int32(0)]
+
+        def exact(*given: Any) -> list[Any]:
+            values, note = self._exactly(given)
+            return [*values, note]
+
+        *values, note = rarely(good, found, exact, *scalars)
+        return tuple(values), note
+
+    def _exactly(self, arguments: Sequence[Any]) -> tuple[tuple[Any, ...], Any]:
+        """The outputs in both orders of ties, and the note."""
         if not self.program.ties:
             return self._once(1, arguments)
         jax = _import_jax()
@@ -185,11 +217,18 @@ class JaxKernel:
     def _once(self, order: Any, arguments: Sequence[Any]) -> tuple[tuple[Any, ...], Any]:
         """The outputs with ties resolved by `order`, and the note."""
         jnp = _import_jax().numpy
+        from teg.backends.jax.entries import remembered
+
         scalars = [jnp.asarray(argument, jnp.float64) for argument in arguments]
-        # always -0.0, which the compiler cannot know (see python_text)
-        zero = jnp.where(scalars[0] == ODD, TINY, -0.0) if scalars else jnp.float64(-0.0)
-        outputs, note = self._kernel(order, zero, *scalars)
+        with remembered():
+            outputs, note = self._kernel(order, _zero(scalars), *scalars)
         return tuple(jnp.asarray(o, jnp.float64) for o in outputs), jnp.asarray(note, jnp.int32)
+
+
+def _zero(scalars: Sequence[Any]) -> Any:
+    """-0.0, which the compiler cannot know (see `teg.backends.text`)."""
+    jnp = _import_jax().numpy
+    return jnp.where(scalars[0] == ODD, TINY, -0.0) if scalars else jnp.float64(-0.0)
 
 
 def _printed(program: Program) -> str:
@@ -203,10 +242,10 @@ def _kept(unbound: Unbound) -> str:
     return _printed(unbound.program)
 
 
-def _made(text: str, scope: dict[str, Any]) -> Any:
+def _made(text: str, scope: dict[str, Any], name: str = "kernel") -> Any:
     """The function of a printed program."""
     exec(compile(text, "<teg jax kernel>", "exec"), scope)
-    return scope["kernel"]
+    return scope[name]
 
 
 def _import_jax() -> Any:
@@ -242,6 +281,9 @@ def _nodes(block: tuple[Stmt, ...]) -> int:
             case Polygon():
                 triangles = 2 + len(stmt.half_planes)
                 most = max(most, triangles * len(triangle_rule(stmt.degree)) * _nodes(stmt.body))
+            case Polyhedron():
+                faces = len(stmt.half_spaces) + SIDES
+                most = max(most, faces * max(faces, len(tetrahedron_rule(stmt.degree)) * _nodes(stmt.body)))
             case Segment():
                 most = max(most, stmt.nodes * _nodes(stmt.body))
             case When():
@@ -286,7 +328,7 @@ def _block(block: tuple[Stmt, ...], results: str) -> list[str]:
                 lines += _sum(stmt, note)
             case Sample():
                 lines += _mean(stmt, note)
-            case Polygon() | Segment():
+            case Polyhedron() | Polygon() | Segment():
                 lines += _clipped(stmt, note)
             case Hyperbola():
                 lines += _moments(stmt, note)
@@ -398,20 +440,24 @@ def _mean(stmt: Sample, note: str) -> list[str]:
     ]
 
 
-def _clipped(stmt: Polygon | Segment, note: str) -> list[str]:
-    """What a polygon or a segment is set up with, the function of its body, and its call."""
-    blocks = (stmt.setup,) if isinstance(stmt, Polygon) else (stmt.setup, stmt.scales)
+def _clipped(stmt: Polyhedron | Polygon | Segment, note: str) -> list[str]:
+    """What a polyhedron, a polygon or a segment is set up with, the function of its body, and its call."""
+    blocks = (stmt.setup, stmt.scales) if isinstance(stmt, Segment) else (stmt.setup,)
     lines = [line for block in blocks for s in block if isinstance(s, Assign) for line in assignment(s, DIALECT)]
     factors = f"({inside(map(_text, stmt.factors))})"
-    if isinstance(stmt, Polygon):
-        name, variables = "polygon", ", ".join(stmt.variables)
+    if isinstance(stmt, Polyhedron):
+        name, variables = "polyhedra.polyhedron", ", ".join(stmt.variables)
+        spaces = [f"({', '.join(map(_text, (*g.slopes, g.offset)))}, {g.closed})" for g in stmt.half_spaces]
+        rule = [f"(({inside(strict(e, 'jnp') for e in stmt.extents)}), ({inside(spaces)}))", str(stmt.degree)]
+    elif isinstance(stmt, Polygon):
+        name, variables = "polygons.polygon", ", ".join(stmt.variables)
         planes = [f"({_text(g.a)}, {_text(g.b)}, {_text(g.c)}, {g.closed})" for g in stmt.half_planes]
         places = [f"({_text(u)}, {_text(v)})" for u, v in stmt.corners]
         triangle = [f"({inside(places)})", _text(stmt.across)] if stmt.corners else []
         region = ", ".join([strict(stmt.width, "jnp"), strict(stmt.height, "jnp"), f"({inside(planes)})", *triangle])
         rule = [f"polygons.Region({region})", str(stmt.degree)]
     else:
-        name, variables = "segment", stmt.var
+        name, variables = "polygons.segment", stmt.var
         ends = [
             f"({_text(g.first)}, {_text(g.last)}, {g.closed}, {g.k is not None}, {_text(g.resolution)}, {_text(g.size)}, {_text(g.scale)})"
             for g in stmt.half_lines
@@ -423,7 +469,7 @@ def _clipped(stmt: Polygon | Segment, note: str) -> list[str]:
         *lines,
         f"def {body}({variables}):",
         *_block(stmt.body, f"({inside(map(_text, stmt.values))})"),
-        f"({inside(stmt.results)}), {note} = polygons.{name}({', '.join(arguments)})",
+        f"({inside(stmt.results)}), {note} = {name}({', '.join(arguments)})",
     ]
 
 

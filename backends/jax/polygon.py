@@ -76,7 +76,7 @@ def _fan(corners: Sequence[Corner], left: Scalar, rule: Any, body: Body, zero: S
     ux, uy, vx, vy = px[1:-1] - px[0], py[1:-1] - py[0], px[2:] - px[0], py[2:] - py[0]
     area = jnp.where(left, 0.5 * ((ux * vy + zero) - (vx * uy + zero)), 0.0)
     nodes = [p[0] + (r * (p[1:-1] - p[0])[:, None] + zero) + (s * (p[2:] - p[0])[:, None] + zero) for p in places]
-    found, note = jax.vmap(jax.vmap(lambda *at: _vector(body(*at))))(*nodes)
+    found, note = jax.vmap(jax.vmap(lambda *at: vector(body(*at))))(*nodes)
     weights = area[:, None] * w
     values = jnp.where((weights != 0.0)[..., None], weights[..., None] * found, 0.0)
     return entries.entries(jnp.sum(values, axis=(0, 1))), union(where(left & (area != 0.0), jnp.max(jnp.asarray(note), axis=1)))
@@ -112,7 +112,8 @@ def meets(width: Scalar, height: Scalar, planes: Sequence[Plane], zero: Scalar) 
     return fails, known, least, swings
 
 
-def _vector(found: tuple[tuple[Scalar, ...], Note]) -> tuple[Any, Any]:
+def vector(found: tuple[tuple[Scalar, ...], Note]) -> tuple[Any, Any]:
+    """The values of a body as an array, and the note."""
     values, note = found
     return jnp.stack([jnp.asarray(v, jnp.float64) for v in values]), jnp.asarray(note, jnp.int32)
 
@@ -224,7 +225,7 @@ def _along(part: tuple[Scalar, Scalar], there: Scalar, nodes: int, body: Body, z
     start, length = part
     at, weights = (0.5 * jnp.array(column) for column in gauss_legendre(nodes))
     t = jnp.where(there, start + (length * (0.5 + at) + zero), 0.5)
-    found, note = jax.vmap(lambda x: _vector(body(x)))(t)
+    found, note = jax.vmap(lambda x: vector(body(x)))(t)
     return entries.entries(jnp.sum((length * weights)[:, None] * found, axis=0)), union(note)
 
 

@@ -77,6 +77,15 @@ def where(condition: Scalar, note: Note) -> Note:
     return jnp.where(condition, jnp.asarray(note, jnp.int32), jnp.int32(0))
 
 
+def weighted(body: Callable[..., tuple[Scalar, ...]], places: Sequence[Sequence[float]], weights: Sequence[Scalar]) -> tuple[Scalar, ...]:
+    """Sums over nodes of weight·value, node by node: few. `places` has the coordinates of all nodes, one after the other."""
+    sums: list[Scalar] = []
+    for weight, *at in zip(weights, *places, strict=True):
+        terms = [weight * value for value in body(*at)]
+        sums = [total + term for total, term in zip(sums, terms, strict=True)] if sums else terms
+    return tuple(sums)
+
+
 def rows(body: Callable[..., tuple[tuple[Scalar, ...], Note]], columns: Sequence[Sequence[Scalar]]) -> tuple[tuple[Scalar, ...], Note]:
     """The values of a body for each row of the columns, those of a row together, and the note."""
     parts = entries.columns(columns)

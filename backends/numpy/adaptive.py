@@ -13,9 +13,9 @@ from teg.backends.numpy.integrals import Integral
 from teg.backends.numpy.lanes import Array, Run, parts, scatter
 from teg.backends.numpy.pieces import Pieces
 from teg.backends.shared.bends import POWER, Bends
-from teg.backends.shared.rules import null_rule_error, rounding, tolerated
+from teg.backends.shared.rules import null_rule_error, placed, rounding, tolerated
 from teg.numerics.quadrature import gauss_legendre, null_rules
-from teg.program import DEEP, DIVERGENT, MAX_DEPTH, MAX_INTERVALS, SPENT, WATCH_WIDTH
+from teg.program import DEEP, DIVERGENT, MAX_DEPTH, MAX_INTERVALS, ROUNDING, SPENT, WATCH_WIDTH
 
 
 def keep_largest(rows: Array, lane: Array, values: Array) -> None:
@@ -116,7 +116,7 @@ class AdaptiveIntegral(Integral):
             spent += scatter(np.where(changed, 0.0, error)[:, done], piece[done], count)
             sums[: self.values] += scatter(total[:, done], piece[done], count)
             if self.estimated:
-                estimate = error[:, done] + rounding(np, places.p, places.q)[piece[done]] * size[:, done]
+                estimate = error[:, done] + self._rounding(pieces, intervals, done) * size[:, done]
                 sums[self.values :] += scatter(estimate, piece[done], count)
             if not again.any():
                 run.missed |= bool((spent > SPENT * tolerated(np, self.tol, whole, whole)).any())
@@ -128,6 +128,15 @@ class AdaptiveIntegral(Integral):
             width *= 0.5
             piece, left, above = np.repeat(piece[again], 2), np.repeat(left[again], 2), np.repeat(above[:, again], 2, axis=1)
             left[1::2] += width
+
+    def _rounding(self, pieces: Pieces, intervals: _Intervals, chosen: Array) -> Array:
+        """Returns the effect of rounding on some of the intervals, relative to the integral of |values|, (intervals,)."""
+        if not chosen.size:
+            return np.empty(0)
+        part, left, width = pieces.part(intervals.piece[chosen]).places, intervals.left[chosen], intervals.width
+        first, middle, last = places_of(part, np.array([left, left + 0.5 * width, left + width]))[0]
+        first, last = np.where(left > 0.0, first, part.p), np.where(left + width < 1.0, last, part.q)
+        return np.asarray(np.fmax(rounding(np, part.p, part.q), 0.5 * ROUNDING + placed(np, first, middle, last)))
 
     def _search(
         self,

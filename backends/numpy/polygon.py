@@ -25,8 +25,8 @@ from teg.program import NEARLY, THIN, TIE_EPS
 Array = npt.NDArray[Any]
 
 
-class _Nodes(NamedTuple):
-    """Nodes on pieces: coordinates, each (nodes, pieces), weights, (nodes,), the length or area of each piece, and its lane."""
+class Nodes(NamedTuple):
+    """Nodes on pieces: coordinates, each (nodes, pieces), weights, (nodes,), the size of each piece, and its lane."""
 
     at: Sequence[Array]
     weights: Array
@@ -36,15 +36,15 @@ class _Nodes(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Domain:
-    """The common part of polygons and segments: printed blocks, `values` results, the doubles that a node takes, and whether `body` is
-    without integrals (so that its runs are counted)."""
+    """The common part of polyhedra, polygons and segments: printed blocks, `values` results, the doubles that a node takes, and whether
+    `body` is without integrals (so that its runs are counted)."""
 
     setup: Block
     body: Block
     values: int
     width: int
 
-    def _totals(self, run: Run, nodes: _Nodes, given: Sequence[Value], lanes: int, once: bool = False) -> Array:
+    def _totals(self, run: Run, nodes: Nodes, given: Sequence[Value], lanes: int, once: bool = False) -> Array:
         """Returns the sums of weights·values over the nodes of each piece, times its length, in its lane: (values, lanes); `once`: one node
         counts for a whole lane."""
         lane, weights = nodes.lane, nodes.weights
@@ -126,8 +126,8 @@ class PolygonIntegral(Domain):
         nodes = [x + r * ux + s * vx, y + r * uy + s * vy]
         nodes += [p[0][lane] + r * (p[k, lane] - p[0][lane]) + s * (p[k + 1, lane] - p[0][lane]) for p in places[2:]]
         given = [*(gather(v, active) for v in for_body), *after[:ends]]
-        found = self._totals(run, _Nodes(nodes, w[:, 0], 0.5 * (ux * vy - vx * uy), lane), given, active.size, self.degree == 0)
-        sums[:, active] = _times(after[ends:], found)
+        found = self._totals(run, Nodes(nodes, w[:, 0], 0.5 * (ux * vy - vx * uy), lane), given, active.size, self.degree == 0)
+        sums[:, active] = times(after[ends:], found)
         return sums
 
 
@@ -240,8 +240,8 @@ class SegmentIntegral(Domain):
         start, length = start[active], (stop - start)[active]
         t = start + length * (0.5 + nodes[:, None])
         given = [gather(v, active) for v in (*for_body, *to_body)]
-        found = self._totals(run, _Nodes((t,), weights, length, np.arange(active.size)), given, active.size)
-        sums[:, active] = _times([gather(v, active) for v in after[ends + 4 * len(self.lines) :]], found)
+        found = self._totals(run, Nodes((t,), weights, length, np.arange(active.size)), given, active.size)
+        sums[:, active] = times([gather(v, active) for v in after[ends + 4 * len(self.lines) :]], found)
         return sums
 
     def _ties(self, run: Run, lines: Sequence[Value], scales: Callable[[], Sequence[Value]]) -> list[tuple[Value, Value]]:
@@ -267,6 +267,6 @@ class SegmentIntegral(Domain):
         return found
 
 
-def _times(factors: Sequence[Value], sums: Array) -> Array:
+def times(factors: Sequence[Value], sums: Array) -> Array:
     """Returns each row times its factor."""
     return np.array([factor * row for factor, row in zip(factors, sums, strict=True)]).reshape(sums.shape)

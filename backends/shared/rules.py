@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from teg.numerics.quadrature import decay_power
-from teg.program import ABSOLUTE_FLOOR, EDGE, FAINT, HIDDEN, NOISE, PIECE_EPS, ROUNDING, TIE_EPS, UNSEEN
+from teg.program import ABSOLUTE_FLOOR, EDGE, FAINT, HIDDEN, NOISE, PIECE_EPS, PLACED, ROUNDING, TIE_EPS, UNSEEN
 
 
 def powi(xp: Any, x: Any, n: int) -> Any:
@@ -50,6 +50,14 @@ def rounding(xp: Any, p: Any, q: Any) -> Any:
     ends."""
     length = q - p
     return 0.5 * ROUNDING + xp.where(xp.isfinite(length), EDGE * xp.maximum(xp.abs(p), xp.abs(q)) / length, 0.0)
+
+
+def placed(xp: Any, left: Any, middle: Any, right: Any) -> Any:
+    """Returns the effect of the rounding of places on the integral over an interval, relative to the integral of |values|, from the places
+    of its ends and of its middle, by which an end that is infinite is replaced."""
+    p, q = xp.where(xp.isfinite(left), left, middle), xp.where(xp.isfinite(right), right, middle)
+    apart = PLACED * xp.maximum(xp.abs(p), xp.abs(q)) / xp.where(q > p, q - p, 1.0)
+    return xp.where(q > p, xp.minimum(apart, 1.0), 1.0)
 
 
 def null_rule_error(xp: Any, nodes: int, sums: Any, size: Any, smooth: Any) -> Any:

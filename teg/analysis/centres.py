@@ -40,10 +40,11 @@ _EXPONENTIAL = frozenset(("exp", "expm1", "cosh", "sinh", "tanh", "erf", "erfc")
 
 @dataclass(frozen=True)
 class Centre:
-    """A place, and the length on which the integrand changes around it."""
+    """A place, the length on which the integrand changes around it, and whether there are poles at this distance from it."""
 
     place: Expr
     width: Expr
+    pole: bool = False
 
 
 class Centres:
@@ -57,8 +58,8 @@ class Centres:
     def of(self, node: Integral) -> tuple[Centre, ...]:
         """Returns the centres of an integrand. The recursion is as deep as integrals are nested."""
         if node not in self._of:
-            found = {self.key(u): (u, exponential) for u, exponential in reversed(list(self._arguments(node)))}
-            own = [self._centre(u, node.var, exponential) for u, exponential in reversed(list(found.values()))]
+            found = {self.key(u): (u, around) for u, around in reversed(list(self._arguments(node)))}
+            own = [self._centre(u, node.var, around) for u, around in reversed(list(found.values()))]
             self._of[node] = tuple(dict.fromkeys([*own, *self.met(node)]))[:MAX_CENTRES]
         return self._of[node]
 
@@ -88,8 +89,8 @@ class Centres:
         bounds = [b for b, end in zip((inner.lo, inner.hi), infinite_ends(inner), strict=True) if not end]
         yield from ((c, Centre(b, ZERO)) for c in centres for b in bounds)
 
-    def _arguments(self, node: Integral) -> Iterator[tuple[Expr, bool]]:
-        """Yields the largest linear and quadratic arguments of functions in an integrand, and whether an exponential takes each."""
+    def _arguments(self, node: Integral) -> Iterator[tuple[Expr, str]]:
+        """Yields the largest linear and quadratic arguments of functions in an integrand, and what stands around each."""
         x, inner = node.var, binders_inside(node.body)
         seen: set[tuple[Node, str]] = set()
         stack: list[tuple[Node, str]] = [(node.body, "")]
@@ -101,20 +102,20 @@ class Centres:
             degree = self.degrees.of(e, x) if around and isinstance(e, Expr) else None
             if degree in (1, 2):  # a part of a polynomial is no argument
                 if not e.free & inner and (degree == 2 or around != "pole"):
-                    yield cast(Expr, e), around == "exponential"
+                    yield cast(Expr, e), around
                 continue
             stack.extend((c, _around(e, around)) for c in reversed(e.children))
 
-    def _centre(self, u: Expr, x: Var, exponential: bool) -> Centre:
+    def _centre(self, u: Expr, x: Var, around: str) -> Centre:
         rate = slope(u, x)
         if self.degrees.of(u, x) == 1:
             return Centre(self._root(u, x), div(ONE, call("magnitude", self._at_0(rate, x))))
         curvature = self._at_0(slope(rate, x), x)
         middle = self._root(rate, x)
-        if exponential:
+        if around == "exponential":
             return Centre(middle, div(ONE, call("root", curvature)))
         lowest = cast(Expr, substitute(u, {x: middle}))
-        return Centre(middle, call("root", div(mul(const(2.0), lowest), curvature)))
+        return Centre(middle, call("root", div(mul(const(2.0), lowest), curvature)), around == "pole")
 
     def _root(self, u: Expr, x: Var) -> Expr:
         """Returns the root of a linear function."""

@@ -45,7 +45,7 @@ def critical_point(g: Expr, boxes: Sequence[Binder]) -> Critical | None:
     variables = [b.var for b in boxes]
     if not 2 <= len(boxes) <= 3 or Shadow(tuple(variables)).degree(g) != 2:
         return None
-    around = [_finite(b) for b in boxes]
+    around = [finite_box(b) for b in boxes]
     middle = {b.var: mul(const(0.5), add(b.lo, b.hi)) for b in around}
     gradient = [slope(g, v) for v in variables]
     hessian = [[_at(slope(s, v), middle) for v in variables] for s in gradient]
@@ -64,7 +64,7 @@ def critical_point(g: Expr, boxes: Sequence[Binder]) -> Critical | None:
     return Critical(point, _at(g, point), whole, inside, _size(g, around, middle))
 
 
-def _finite(b: Binder) -> Binder:
+def finite_box(b: Binder) -> Binder:
     """Returns a box of length 1 at the finite end of an infinite range, of length 2 around 0 if there is none; else the box itself."""
     lo, hi = infinite_ends(b)
     if not lo and not hi:
@@ -114,7 +114,7 @@ def infinite_at_saddle(g: Expr, coefficient: Expr, boxes: Sequence[Binder]) -> E
         return ZERO
     near = positive(sub(mul(const(ROUNDING), critical.size), call("magnitude", critical.value)), strict=False)
     saddle = positive(mul(MINUS_ONE, critical.determinant))
-    around = [_finite(b) for b in boxes]
+    around = [finite_box(b) for b in boxes]
     middle = {b.var: mul(const(0.5), add(b.lo, b.hi)) for b in around}
     there, nothing = _at(coefficient, critical.point), mul(const(NOTHING), _size(coefficient, around, middle))
     endless = const(float("inf"))

@@ -10,6 +10,7 @@ from teg.analysis.polynomial import Poly
 from teg.numerics.field import P, inverse, residue
 
 Coefficients = list[int]
+HALF = (P + 1) // 2
 
 
 def coefficients(poly: Poly) -> Coefficients:
@@ -65,11 +66,13 @@ def one_root(p: Coefficients) -> int | None:
     """Returns a root of p in the field, or None if it has none there.
 
     gcd(p, v^P - v) is the product of (v - root) over the distinct roots; random shifts of (v + s)^((P-1)/2) - 1 split it
-    (Cantor and Zassenhaus 1981). Costs about 521 products of polynomials of the degree of p.
+    (Cantor and Zassenhaus 1981). Costs about 521 products of polynomials of the degree of p. A quadratic has a formula.
     """
     if len(p) < 2:
         return None
     p = monic(p)
+    if len(p) == 3:
+        return _root_of_square(p[1] * HALF % P, p[0])
     split = common_factor(p, _difference(_power([0, 1], P, p), [0, 1]))
     trial = 0
     while len(split) > 2:
@@ -79,6 +82,13 @@ def one_root(p: Coefficients) -> int | None:
         if 1 < len(factor) < len(split):
             split = min(factor, quotient_and_remainder(split, factor)[0], key=len)
     return -split[0] * inverse(split[1]) % P if len(split) == 2 else None
+
+
+def _root_of_square(b: int, c: int) -> int | None:
+    """Returns a root of v² + 2b·v + c. P + 1 is a multiple of 4, so D^((P + 1)/4) is a root of D if there is one."""
+    d = (b * b - c) % P
+    root = pow(d, (P + 1) // 4, P)
+    return (root - b) % P if root * root % P == d else None
 
 
 def _power(p: Coefficients, k: int, modulus: Coefficients) -> Coefficients:

@@ -55,9 +55,10 @@ class Enclosure:
     def _find(self, root: Node) -> None:
         """Encloses the nodes that depend on the box. Every other node is its own bound; it may hold a variable of the same name, bound
         elsewhere."""
-        for node in postorder_through(root, self.box):
-            if node not in self.enclosed:
-                self.enclosed[node] = self._decision(node) if isinstance(node, Cond) else self._interval(cast(Expr, node))
+        enclosed = self.enclosed
+        for node in postorder_through(root, self.box, lambda node: () if node in enclosed else node.children):
+            if node not in enclosed:
+                enclosed[node] = self._decision(node) if isinstance(node, Cond) else self._interval(cast(Expr, node))
 
     def _bounds(self, e: Expr) -> Interval:
         return cast(Interval, self.enclosed.get(e, (e, e)))

@@ -232,11 +232,14 @@ def sizes(bodies: Sequence[Expr], boxed: Enclosure) -> list[Expr]:
 
 def size_of(body: Expr, boxed: Enclosure) -> Expr:
     """Returns a bound of |body| over a box."""
-    (plain,), box = _without_integrals([body], boxed.box, _extents)
     try:
-        lo, hi = (boxed if plain is body else Enclosure(box)).of(plain)
+        lo, hi = boxed.of(body)
     except NotDifferentiableError:
-        return _INFINITY
+        (plain,), box = _without_integrals([body], boxed.box, _extents)
+        try:
+            lo, hi = Enclosure(box).of(plain)
+        except NotDifferentiableError:
+            return _INFINITY
     return call("magnitude", lo) if lo is hi else call("max", hi, mul(MINUS_ONE, lo))
 
 
@@ -342,7 +345,14 @@ def tame_ones(known: Sequence[Sharp], ranges: Mapping[Var, Interval], x: Var, ga
 
 
 def _certain(sharp: Sharp, boxed: Enclosure) -> tuple[Expr, Expr] | None:
-    """Returns bounds of a sharp value for which no integral and no function is evaluated."""
+    """Returns bounds of a sharp value for which no integral and no function is evaluated.
+
+    One enclosure serves all values; only those with integrals or functions inside have one of their own.
+    """
+    try:
+        return _enclosed(sharp, boxed)
+    except NotDifferentiableError:
+        pass
     try:
         (value, argument), larger = _without_integrals([sharp.value, sharp.argument], boxed.box, _extents)
         return _enclosed(replace(sharp, value=value, argument=argument), Enclosure(larger))

@@ -105,9 +105,9 @@ def compile(
     `functions` says how those of `teg.function` are compiled: "linked" each by itself, so that a program with other bodies shares what was
     done for the rest; "inlined" as if they were written out by hand: faster code, and programs with other bodies share nothing.
 
-    `intrinsics=False` turns off the fast paths of single shapes of programs (`teg.passes.intrinsics`): clipped polygons, moments of
-    hyperbolas, weights for poles. The results are the same to the tolerance, by slower and more general means. A `rule` or an `order`
-    turns them off too.
+    `intrinsics=False` turns off the fast paths of single shapes of programs (`teg.passes.intrinsics`): clipped polygons and polyhedra,
+    moments of hyperbolas, weights for poles. The results are the same to the tolerance, by slower and more general means. A `rule` or an
+    `order` turns them off too.
 
     Raises ScopeError for a free variable, NameClashError for one name given to two things, OptionError for an option that is unknown.
     The gradient is derived when it is first asked for; a surface that no family can reduce raises NoReparameterisationError then.

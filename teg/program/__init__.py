@@ -7,6 +7,7 @@
            | results = Σ v in points: body                                 SumOver: the roots found by an Isolate
            | results = mean over points (v, …) of the unit cube: body      Sample: pseudo-random, or Sobol' points in replicates
            | results = ∫∫ over a box cut by half-planes: setup; body       Polygon: the box is clipped, a rule on a fan of triangles
+           | results = ∫∫∫ over a box cut by half-spaces: setup; body     Polyhedron: the box is clipped, a rule on tetrahedra
            | results = ∫ over (0, 1) cut by half-lines: setup; body        Segment: the interval is clipped, Gauss-Legendre on what is left
            | results = Σ c·moments of [g > 0], [g <= 0], δ(g): scales      Hyperbola: g bilinear on the unit square, in closed form
            | results = Σ c·moments of [g > 0], [g <= 0], δ(g)              Ellipse: g of an ellipse on a polygon, by nodes along its arcs
@@ -26,6 +27,7 @@ a dataclass whose fields have roles (`teg.program.fields`): walks, renaming, dea
 from teg.program.limits import (
     ABSOLUTE_FLOOR,
     BOX_COST,
+    CLIP_EPS,
     CLOSE_ENDS,
     DEEP,
     DIVERGENT,
@@ -51,6 +53,7 @@ from teg.program.limits import (
     MAX_DEPTH,
     MAX_EVALUATIONS,
     MAX_HALF_PLANES,
+    MAX_HALF_SPACES,
     MAX_INTERVALS,
     NEAR,
     NEAR_SIDE,
@@ -58,6 +61,7 @@ from teg.program.limits import (
     NO_FLUX,
     NOISE,
     PIECE_EPS,
+    PLACED,
     POLE,
     RESIDUE,
     ROUNDING,
@@ -81,6 +85,7 @@ from teg.program.statements import (
     Guard,
     HalfLine,
     HalfPlane,
+    HalfSpace,
     Hyperbola,
     Integrate,
     Isolate,
@@ -88,6 +93,7 @@ from teg.program.statements import (
     Moments,
     Outcome,
     Polygon,
+    Polyhedron,
     Program,
     Sample,
     Segment,
@@ -113,6 +119,7 @@ from teg.program.walk import (
 __all__ = [
     "ABSOLUTE_FLOOR",
     "BOX_COST",
+    "CLIP_EPS",
     "CLOSE_ENDS",
     "DEEP",
     "DIVERGENT",
@@ -138,6 +145,7 @@ __all__ = [
     "MAX_DEPTH",
     "MAX_EVALUATIONS",
     "MAX_HALF_PLANES",
+    "MAX_HALF_SPACES",
     "MAX_INTERVALS",
     "NEAR",
     "NEARLY",
@@ -145,6 +153,7 @@ __all__ = [
     "NOISE",
     "NO_FLUX",
     "PIECE_EPS",
+    "PLACED",
     "POLE",
     "RESIDUE",
     "ROUNDING",
@@ -167,6 +176,7 @@ __all__ = [
     "Guard",
     "HalfLine",
     "HalfPlane",
+    "HalfSpace",
     "Hyperbola",
     "Integrate",
     "Isolate",
@@ -175,6 +185,7 @@ __all__ = [
     "Moments",
     "Outcome",
     "Polygon",
+    "Polyhedron",
     "Program",
     "Rational",
     "Rule",

@@ -31,6 +31,8 @@ NOISE = 10 * 2.0**-52
 """Coefficients of null rules below this part of the integral of |value| are roundings: the error is 0."""
 EDGE = 4 * 2.0**-52
 """How far an end of a piece may be off, relative to its distance from 0: of a thin piece that is much."""
+PLACED = 2.0**-52
+"""How far a node may be off, relative to its distance from 0: in a narrow interval that is much."""
 SPENT = 10.0
 """The errors of all intervals of a piece may add up to so many times what the error of one may be."""
 DEEP = 40
@@ -88,6 +90,10 @@ MAX_HALF_PLANES = 64
 """Of more a `Polygon` would be long: they share the pieces of two integrals instead."""
 MAX_CUTS = 8
 """Of the half-planes beside an ellipse."""
+MAX_HALF_SPACES = 24
+"""Of more a `Polyhedron` would be long."""
+CLIP_EPS = 2.0**-49
+"""A corner of a polyhedron that is no farther outside of a half-space, compared with its terms, is on its border but for rounding."""
 THIN = 2.0**-5
 """A triangle so thin, compared with how much its half-planes change over a box, is clipped by the box, and not the box by it."""
 NEARLY = 2.0**-20

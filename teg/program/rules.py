@@ -55,7 +55,8 @@ class Adaptive:
 
     The error is 4·t·min(1, max(r, (15·r - 2)/7))^decay_power, t the largest coefficients that the null rules give and r the decay from
     one pair of them to the next; no decay is counted on where r is NaN, and at an "end". It is 0 if t <= NOISE·A. The estimate is E plus
-    that of `Gauss`; where only a guard objects to the last interval, E is at least the guard's bound of the integral of |value| there,
+    that of `Gauss`, in which PLACED·m/l, one at most, of the interval counts where it is more than EDGE·M/L, the middle for an infinite
+    end; where only a guard objects to the last interval, E is at least the guard's bound of the integral of |value| there,
     infinite where that is not known; a bound that is infinite on a finite interval, as beside integrable singularities, is left out.
 
     Once the intervals of a run have been measured with more than MAX_EVALUATIONS nodes a point of the batch, or an iteration of a loop,

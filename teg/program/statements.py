@@ -309,6 +309,42 @@ class Polygon:
 
 
 @dataclass(frozen=True, slots=True)
+class HalfSpace:
+    """d + a·u + b·v + c·w > 0, or >= 0 if it is closed; `slopes` are a, b and c."""
+
+    slopes: Annotated[tuple[Arg, ...], NUMBER]
+    offset: Annotated[Arg, NUMBER]
+    closed: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Polyhedron:
+    """results = factors · ∫∫∫ values over the part of a box that is in all half-spaces, 0 where `when` fails.
+
+    The `variables` u, v and w are offsets from a corner of the box, 0 and an extent apart (one may be negative: then the volume changes
+    its sign). A half-space fails, and numbers that are not finite give NaN, as those of a `Polygon`. The box is clipped by each half-space
+    whose least value is < 0. A corner is outside of it if its value is < -CLIP_EPS·scale, with scale = |d| + |a·width| + |b·height| +
+    |c·depth|; an edge with one end outside is cut where the value is 0, at the other end if that is not inside. Where each face is cut,
+    the cut is an edge of it and of the new face: whichever corners rounding puts outside, the faces stay closed. No other edge is moved.
+
+    With `degree` 0 or 1 the node is the centroid. Else results are sums of `teg.numerics.quadrature.tetrahedron_rule(degree)` over
+    tetrahedra, one for each edge of each face: the mean of all ends of edges, that of the face, and the edge. The corner of the rule at
+    the origin is the first of these.
+    """
+
+    variables: Annotated[tuple[str, ...], Variable(("body",))]
+    extents: Annotated[tuple[Arg, ...], NUMBER]
+    half_spaces: Annotated[tuple[HalfSpace, ...], Part()]
+    setup: Annotated[tuple[Stmt, ...], Block(receives=True)]
+    body: Annotated[tuple[Stmt, ...], Block(sees=("setup",))]
+    values: Annotated[tuple[Arg, ...], Operand(at="body", each=True)]
+    factors: Annotated[tuple[Arg, ...], Operand(at="setup", each=True)]
+    results: Annotated[tuple[str, ...], Result()]
+    degree: int
+    when: Annotated[str | None, CONDITION] = None
+
+
+@dataclass(frozen=True, slots=True)
 class HalfLine:
     """g > 0, or >= 0 if it is closed, by the values at both ends; one that may be a tie has a number k, a resolution, the size of its
     terms and, in `scales`, the scale of its rounding errors."""
@@ -420,7 +456,7 @@ class When:
     results: Annotated[tuple[str, ...], Result(made_in="body")]
 
 
-Stmt = Assign | Integrate | Isolate | Locate | SumOver | Sample | Polygon | Segment | Hyperbola | Ellipse | When
+Stmt = Assign | Integrate | Isolate | Locate | SumOver | Sample | Polygon | Polyhedron | Segment | Hyperbola | Ellipse | When
 
 
 class Outcome(NamedTuple):

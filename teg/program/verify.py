@@ -16,7 +16,21 @@ from teg.program.limits import MAX_CUTS
 from teg.program.names import is_condition
 from teg.program.operations import INTEGER_OPERATIONS, OPERATIONS
 from teg.program.rules import Adaptive, Rational
-from teg.program.statements import Assign, Ellipse, Hyperbola, Integrate, Isolate, Locate, Polygon, Program, Sample, Segment, Stmt, When
+from teg.program.statements import (
+    Assign,
+    Ellipse,
+    Hyperbola,
+    Integrate,
+    Isolate,
+    Locate,
+    Polygon,
+    Polyhedron,
+    Program,
+    Sample,
+    Segment,
+    Stmt,
+    When,
+)
 
 Known = dict[str, Kind]
 """The names that are known at a place, and what each stands for."""
@@ -209,6 +223,10 @@ class _Flat(_Verifier):
                 self.check(len(stmt.variables) == count, f"{len(stmt.variables)} variables, not {count}", stmt)
                 self.check(len(stmt.corners) in (0, 3), f"{len(stmt.corners)} corners of a triangle", stmt)
                 self.check(not stmt.corners or len(stmt.half_planes) >= 3, "a triangle of fewer than three half-planes", stmt)
+            case Polyhedron():
+                self.check(len(stmt.variables) == 3, f"{len(stmt.variables)} variables, not 3", stmt)
+                self.check(len(stmt.extents) == 3, f"{len(stmt.extents)} extents, not 3", stmt)
+                self.check(all(len(g.slopes) == 3 for g in stmt.half_spaces), "a half-space has three slopes", stmt)
             case Segment():
                 for k in (g.k for g in stmt.half_lines if g.k is not None):
                     self._tie(k, stmt)

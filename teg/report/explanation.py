@@ -47,8 +47,9 @@ class Explanation:
     surfaces on which integrands change, data["dropped"] the other surfaces of the program. data["integrals"], data["boundary"] and
     data["interior"] are the integrals of the value and the two kinds of the gradient. data["remarks"] are the decisions of the passes:
     the pass, the surface or integral, the choice and the reason. data["cost"] has for the value, and for value and gradient, the
-    "evaluations" with all breaks inside, and the "least" that the same rules can do with: no break inside, so one piece of each integral
-    and one triangle of each polygon, and first looks that are accepted. Where an integrand is 0 a call does with fewer.
+    "evaluations" with all breaks inside, and the "least" that the same rules can do with: no break inside, so one piece of each integral,
+    one triangle of each polygon, one tetrahedron of each polyhedron, and first looks that are accepted. Where an integrand is 0 a call
+    does with fewer.
     """
 
     data: dict[str, Any] = field(default_factory=dict)

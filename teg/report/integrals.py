@@ -109,7 +109,8 @@ def _nodes_a_piece(rule: Rule) -> int:
 
 def cost_of(program: Program) -> dict[str, Any]:
     """Returns the size of a program, and the number of evaluations of integrands in one run: pieces × nodes, times those of the outer
-    integral; also the least that its rules can do with, where each integral has one piece, and each polygon one triangle."""
+    integral; also the least that its rules can do with, where each integral has one piece, each polygon one triangle, and each
+    polyhedron one tetrahedron."""
     every = list(statements(program.body))
     integrals = [s for s in every if isinstance(s, Integrate)]
     hints = {r for s in every if isinstance(s, Locate) for r in s.results}

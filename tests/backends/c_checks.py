@@ -7,6 +7,7 @@ import shutil
 import subprocess
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -28,6 +29,16 @@ SANITIZERS = ["-std=c99", "-O0", "-g", "-fsanitize=address,undefined", "-fno-san
 LIMITS = ({"PART": 2}, {"BY_VALUE": 0}, {"ON_STACK": 1}, {})
 """Limits of the text that are made small, one at a time; {}: all of them."""
 LONGEST_LINE = 130
+
+
+def in_turn(cases: Sequence[Any], limits: Sequence[dict[str, int]], *quick: dict[str, int]) -> list[Any]:
+    """Parameters: each case with the `quick` limits, and with one of the others in turn; `make thorough` sees it with all of them."""
+    pairs = [pytest.param(case, few, id=f"{case.name}-{few}") for few in quick for case in cases]
+    for i, case in enumerate(cases):
+        for k, few in enumerate(limits):
+            marks = [pytest.mark.slow, *([] if k == i % len(limits) else [pytest.mark.thorough])]
+            pairs.append(pytest.param(case, few, id=f"{case.name}-{few}", marks=marks))
+    return pairs
 
 
 def has_its_values(case: Case) -> None:

@@ -36,6 +36,7 @@ from tests.backends.c_checks import (
     LIMITS,
     any_number_of_threads_gives_the_same,
     behaviour_is_defined,
+    in_turn,
     limits_change_no_bit,
     lines_are_short,
     text_compiles_without_warnings,
@@ -383,8 +384,7 @@ def test_estimates_of_no_integral_and_of_none_at_all() -> None:
 
 
 @needs_c
-@pytest.mark.parametrize("case", [*QUICK, MISSED[8]], ids=name)
-@pytest.mark.parametrize("limits", [{}, *(pytest.param(limits, marks=pytest.mark.slow) for limits in LIMITS[:-1])], ids=str)
+@pytest.mark.parametrize(("case", "limits"), in_turn([*QUICK, MISSED[8]], LIMITS[:-1], {}))
 def test_limits_change_no_bit(case: Case, limits: dict[str, int], monkeypatch: pytest.MonkeyPatch) -> None:
     limits_change_no_bit(case, limits, monkeypatch)
 

@@ -2,32 +2,16 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from tests.mutation.in_backends import IN_BACKENDS
+from tests.mutation.in_passes import IN_PASSES
+from tests.mutation.mutant import JAX, NUMPY, SMALL, C, Mutant, mutants
 
-SMALL = "tests/end_to_end/test_small_errors.py"
-REFERENCES = "tests/end_to_end/test_references.py"
-NUMPY, C, JAX = (f"{REFERENCES}::test_{backend}" for backend in ("numpy", "c", "jax"))
+__all__ = ["MUTANTS", "Mutant"]
+
 SUBSTITUTED = ("tests/backends/test_bends.py", NUMPY)
-
-
-class Mutant(NamedTuple):
-    """A change of one text, which stands once in its file; `harmless` says why no result depends on it, where none does."""
-
-    name: str
-    file: str
-    old: str
-    new: str
-    tests: tuple[str, ...]
-    harmless: str = ""
-
-
-def _of(file: str, tests: tuple[str, ...], *changes: tuple[str, str, str]) -> list[Mutant]:
-    return [Mutant(name, file, old, new, tests) for name, old, new in changes]
-
-
 PASSES = (SMALL, NUMPY)
 MUTANTS: tuple[Mutant, ...] = (
-    *_of(
+    *mutants(
         "teg/passes/normalise/finite_bounds.py",
         (SMALL,),
         (
@@ -37,7 +21,7 @@ MUTANTS: tuple[Mutant, ...] = (
         ),
         ("rate of a finite place", "integral_over(mul(rate, cast(", "integral_over(mul(cast("),
     ),
-    *_of(
+    *mutants(
         "teg/passes/normalise/sums.py",
         (SMALL, "tests/passes/normalise/test_sums.py", "tests/ir/test_arrays.py"),
         ("other branch around sums", "(where(e.condition, ZERO, ONE), e.otherwise)", "(where(e.condition, ONE, ZERO), e.otherwise)"),
@@ -45,13 +29,13 @@ MUTANTS: tuple[Mutant, ...] = (
         ("factor around sums", "stack.append((chain, mul(factor, others), cast", "stack.append((chain, others, cast"),
         ("last term of a sum", "for i in range(s.lo.data, s.hi.data)", "for i in range(s.lo.data, s.hi.data - 1)"),
     ),
-    *_of(
+    *mutants(
         "teg/passes/normalise/too_many_steps.py",
         (SMALL,),
         ("a moving condition on steps", "isinstance(node, UncountedFloor | Compare)", "isinstance(node, UncountedFloor)"),
         ("steps that are too many", "children[i] = _no_number(", "children[i] = ("),
     ),
-    *_of(
+    *mutants(
         "teg/analysis/sift.py",
         ("tests/analysis/test_sift.py",),
         ("coefficient of a delta in a product", "{chain: mul(k, *others) for chain", "{chain: k for chain"),
@@ -59,7 +43,7 @@ MUTANTS: tuple[Mutant, ...] = (
         ("order of a nest", "parts[node] = {(binder, *chain): k", "parts[node] = {(*chain, binder): k"),
         ("two ways to one delta", "merged[chain] = add(merged[chain], k) if chain in merged else k", "merged[chain] = k"),
     ),
-    *_of(
+    *mutants(
         "teg/analysis/jumps.py",
         ("tests/analysis/test_jumps.py",),
         ("jump of a product", "before = mul(before, zero(c))", "before = mul(before, one(c))"),
@@ -67,7 +51,7 @@ MUTANTS: tuple[Mutant, ...] = (
         ("jump of a condition", "jumps[node] = sub(where(c1, a1, b1), where(c0, a0, b0))", "jumps[node] = where(c1, a1, b1)"),
         ("jump of a branch", "jumps[node] = where(c1, of(node.then), of(node.otherwise))", "jumps[node] = where(c1, of(node.then), ZERO)"),
     ),
-    *_of(
+    *mutants(
         "teg/passes/differentiate/forward.py",
         ("tests/passes/differentiate/test_forward.py", *PASSES),
         ("divergence at kinks", "return add(slope(u, v), *jumps)", "return slope(u, v)"),
@@ -83,7 +67,7 @@ MUTANTS: tuple[Mutant, ...] = (
             "rate = tangent_of(bound, along)",
         ),
     ),
-    *_of(
+    *mutants(
         "teg/passes/differentiate/forward.py",
         ("tests/analysis/test_singularities.py", "tests/analysis/test_coincidence.py"),
         (
@@ -97,17 +81,17 @@ MUTANTS: tuple[Mutant, ...] = (
         ("surface in another form", "without(change, apart | together)", "without(change, apart)"),
         ("condition of a singular branch", "(conjunction(condition, negation(e.condition)), e.otherwise)", "(condition, e.otherwise)"),
     ),
-    *_of(
+    *mutants(
         "teg/analysis/kinks.py",
         ("tests/analysis/test_kinks.py",),
         ("sign of an absolute value", "size if sign > 0 else mul(MINUS_ONE, size)", "size"),
     ),
-    *_of(
+    *mutants(
         "teg/passes/eliminate/implicit.py",
         ("tests/passes/eliminate/test_implicit.py",),
         ("weight of a chart", "integer_power(r, power - 1) if power > 2", "integer_power(r, power) if power > 2"),
     ),
-    *_of(
+    *mutants(
         "teg/passes/differentiate/reverse.py",
         ("tests/passes/differentiate/test_reverse.py", *PASSES),
         (
@@ -128,7 +112,7 @@ MUTANTS: tuple[Mutant, ...] = (
             "integral_over(mul(adjoint, delta(g)), x, lo, hi))))",
         ),
     ),
-    *_of(
+    *mutants(
         "teg/analysis/calculus.py",
         ("tests/passes/differentiate/test_forward.py", "tests/test_derivatives.py", *PASSES),
         (
@@ -147,7 +131,7 @@ MUTANTS: tuple[Mutant, ...] = (
         ("derivative of |u|", "return [where(positive(u), ONE, MINUS_ONE)]", "return [ONE]"),
         ("derivative of atan2", "return [div(x, square), mul(MINUS_ONE, div(u, square))]", "return [div(x, square), div(u, square)]"),
     ),
-    *_of(
+    *mutants(
         "teg/analysis/surfaces.py",
         ("tests/analysis/test_surfaces.py", *PASSES),
         ("order of tied surfaces", "truth = negation(rising) if comes_first(surface, old.g) else rising", "truth = rising"),
@@ -155,7 +139,7 @@ MUTANTS: tuple[Mutant, ...] = (
         ("below an infinite bound", "return TRUE if bound.data > 0 else FALSE", "return FALSE if bound.data > 0 else TRUE"),
         ("order of bounds", "return 1 if lo.data <= hi.data else -1", "return 1"),
     ),
-    *_of(
+    *mutants(
         "teg/passes/eliminate/univariate.py",
         ("tests/passes/eliminate/test_families.py", "tests/passes/eliminate/test_univariate.py", *PASSES),
         (
@@ -165,7 +149,7 @@ MUTANTS: tuple[Mutant, ...] = (
         ),
         ("existence of a root", "terms.append(where(root.exists, inside, ZERO))", "terms.append(inside)"),
     ),
-    *_of(
+    *mutants(
         "teg/passes/eliminate/affine.py",
         ("tests/passes/eliminate/test_vertices.py", "tests/passes/eliminate/test_families.py", *PASSES),
         (
@@ -180,7 +164,7 @@ MUTANTS: tuple[Mutant, ...] = (
         ),
         ("where a line meets the box", "value = where(guard, value, ZERO)", "value = value"),
     ),
-    *_of(
+    *mutants(
         "teg/passes/normalise/canonicalise.py",
         ("tests/passes/normalise/test_canonicalise.py", *PASSES),
         (
@@ -190,13 +174,13 @@ MUTANTS: tuple[Mutant, ...] = (
         ),
         ("sign of a surface's form", "return representative, sign > 0", "return representative, True"),
     ),
-    *_of(
+    *mutants(
         "teg/passes/lower/rounding.py",
         (SMALL,),
         ("rounding errors of products", "return total(size(e), *carried)", "return size(e)"),
         ("rounding errors in ties", 'return terms if error == 0.0 else self.out.assign(home, "add", terms, error)', "return terms"),
     ),
-    *_of(
+    *mutants(
         "backends/numpy/adaptive.py",
         ("tests/backends/numpy/test_kernel.py", SMALL, NUMPY),
         ("bisection", "left[1::2] += width", "left[1::2] += 0.5 * width"),
@@ -206,7 +190,7 @@ MUTANTS: tuple[Mutant, ...] = (
             "changed[part] |= (both > 0.0).any(axis=0)",
         ),
     ),
-    *_of(
+    *mutants(
         "teg/passes/lower/intervals.py",
         ("tests/passes/lower/test_intervals.py",),
         (
@@ -216,7 +200,7 @@ MUTANTS: tuple[Mutant, ...] = (
         ),
         ("a condition outside of two roots", "Between(atom, roots.found, dead[0] is FALSE)", "Between(atom, roots.found, True)"),
     ),
-    *_of(
+    *mutants(
         "backends/c/abreast.py",
         ("tests/backends/c/test_abreast.py",),
         ("ties at eight nodes", "<= TEG_TIE_EPS * (", "< 0.0 * ("),
@@ -239,7 +223,7 @@ MUTANTS: tuple[Mutant, ...] = (
         (NUMPY,),
         "how many lanes run at a time changes no result",
     ),
-    *_of(
+    *mutants(
         "backends/shared/rules.py",
         ("tests/numerics/test_quadrature.py", "tests/backends/numpy/test_kernel.py", SMALL, NUMPY),
         ("ties of the second order", "xp.where(order > 0, resolution, xp.logical_not(resolution))", "resolution"),
@@ -247,19 +231,19 @@ MUTANTS: tuple[Mutant, ...] = (
         ("error of Gauss's rule", "0.0, 4.0 * tail * decay)", "0.0, 0.0 * tail * decay)"),
         ("negative powers", "return 1.0 / powi(xp, x, -n)", "return powi(xp, x, -n)"),
     ),
-    *_of(
+    *mutants(
         "backends/shared/polygons.py",
         ("tests/passes/eliminate/test_vertices.py", "tests/backends/test_polygon.py", SMALL, NUMPY),
         ("start of a segment", "xp.where(begins, xp.maximum(start, root), start)", "start"),
         ("end of a segment", "xp.where(ends, xp.minimum(stop, root), stop)", "stop"),
     ),
-    *_of(
+    *mutants(
         "backends/shared/ellipses.py",
         ("tests/backends/test_clipped_ellipse.py",),
         ("a disk beyond a line", "self._is_around(u, v, [*sides, *planes])", "self._is_around(u, v, sides)"),
         ("two arcs that go round", "xp.where(around & behind, CIRCLE - apart, apart)", "xp.where(around, CIRCLE - apart, apart)"),
     ),
-    *_of(
+    *mutants(
         "backends/shared/bends.py",
         SUBSTITUTED,
         ("derivative of a cubic place", "6.0 * t * (1.0 - t)", "6.0 * t"),
@@ -267,13 +251,13 @@ MUTANTS: tuple[Mutant, ...] = (
         ("derivative of cosh", "(xp.cosh(t), xp.sinh(t))", "(xp.cosh(t), xp.cosh(t))"),
         ("derivative of a sixth power", "6.0 * (t * t * t * t * t)", "t * t * t * t * t"),
     ),
-    *_of(
+    *mutants(
         "backends/c/runtime/calls.h",
         (SMALL, C),
         ("ties of the second order in C", "return ctx->order > 0 ? r : !r;", "return r;"),
         ("ties are noted in C", "        ctx->tied = 1;\n        return ctx->order", "        return ctx->order"),
     ),
-    *_of(
+    *mutants(
         "backends/c/batch.py",
         (SMALL, "tests/backends/c/test_lanes.py"),
         ("mean of two orders", "row[j] = 0.5 * (row[j] + other[j]);", "row[j] = other[j];"),
@@ -285,7 +269,7 @@ MUTANTS: tuple[Mutant, ...] = (
         ("points left over", "(k < few ? k : few - 1)", "(k < few ? 0 : 0)"),
         ("simple strides", "simple &= stride[i] == 0 || stride[i] == 1;", "simple &= 1;"),
     ),
-    *_of(
+    *mutants(
         "backends/jax/runtime.py",
         ("tests/backends/jax/test_kernel.py", JAX),
         ("reversed bounds in JAX", "sign = jnp.where(lo <= hi, 1.0, -1.0)", "sign = 1.0"),
@@ -296,7 +280,7 @@ MUTANTS: tuple[Mutant, ...] = (
         ),
         ("sorted breaks in JAX", "points = jnp.sort(points)", "points = points"),
     ),
-    *_of(
+    *mutants(
         "backends/jax/roots.py",
         ("tests/backends/jax/test_isolate.py", "tests/backends/jax/test_kernel.py", JAX),
         (
@@ -305,7 +289,7 @@ MUTANTS: tuple[Mutant, ...] = (
             "found = [jnp.where(when, jnp.where(refused, jnp.nan, v), 0.0)",
         ),
     ),
-    *_of(
+    *mutants(
         "backends/numpy/polygon.py",
         ("tests/passes/eliminate/test_vertices.py", "tests/backends/test_polygon.py", SMALL, NUMPY),
         (
@@ -314,38 +298,40 @@ MUTANTS: tuple[Mutant, ...] = (
             "found[i] = ties, resolution",
         ),
     ),
-    *_of(
+    *mutants(
         "teg/passes/normalise/tables.py",
         ("tests/passes/normalise/test_tables.py",),
         ("origin of a table", "mul(entry(rate), sub(leaf, entry(origin)))", "mul(entry(rate), leaf)"),
         ("columns of a table", "if key not in self._columns:", "if not self._columns:"),
     ),
-    *_of(
+    *mutants(
         "teg/passes/differentiate/through_sums.py",
         ("tests/passes/normalise/test_tables.py",),
         ("what is collected", "Collected.make((table.index, column), (derivative,))", "Collected.make((table.index, 1), (derivative,))"),
     ),
-    *_of(
+    *mutants(
         "teg/passes/lower/linear.py",
         ("tests/passes/normalise/test_tables.py",),
         ("sums of an earlier stage", "if stage[node] < stage[e] else []", "if False else []"),
     ),
-    *_of(
+    *mutants(
         "backends/c/runtime/calls.h",
         ("tests/passes/normalise/test_tables.py", "tests/backends/c/test_queues.py"),
         ("rows that are listed", "if (entries[k] >= 0 && entries[k] < rows) listed[entries[k]] = 1;", "listed[0] = 1;"),
         ("copies are cleared", "into[i] += copy[i], copy[i] = 0.0;", "into[i] += copy[i];"),
         ("marks of the second copy", "copy += size, marks += blocks;", "copy += size;"),
     ),
-    *_of(
+    *mutants(
         "backends/numpy/cells.py",
         ("tests/passes/normalise/test_tables.py",),
         ("a candidate that is not there", "np.where((moving != 0.0) & (slopes != 0.0), moving", "np.where(moving != 0.0, moving"),
     ),
-    *_of(
+    *mutants(
         "teg/analysis/projection.py",
         ("tests/analysis/test_breaks.py",),
         ("a line that is level", "        if degree != 0 and (apart or not self.finite):", "        if degree != 0 and not self.finite:"),
         ("what may be level", "return all(one[m] != c for m, c in other.items() if m in one)", "return False"),
     ),
+    *IN_PASSES,
+    *IN_BACKENDS,
 )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import product
 
 import mpmath
 import numpy as np
@@ -12,7 +13,7 @@ import numpy.typing as npt
 import pytest
 
 from teg.backends.numpy.adaptive import measure
-from teg.numerics.quadrature import NULL_RULES, decay_power, gauss_legendre, null_rules
+from teg.numerics.quadrature import NULL_RULES, decay_power, gauss_legendre, null_rules, tetrahedron_rule
 from teg.program import NOISE, ROUNDING
 
 ORDERS = [6, 8, 10, 12, 16, 18, 24]
@@ -46,6 +47,17 @@ def test_gauss_is_exact_to_degree_2n_minus_1(n: int) -> None:
 def test_a_rule_has_a_node() -> None:
     with pytest.raises(ValueError, match="0"):
         gauss_legendre(0)
+
+
+@pytest.mark.parametrize("degree", range(9))
+def test_rules_on_a_tetrahedron_are_exact(degree: int) -> None:
+    """The integral of rᵃsᵇtᶜ is a!b!c!/(a + b + c + 3)!, that of 1 is 1/6."""
+    rule = tetrahedron_rule(degree)
+    assert all(w > 0.0 for *_, w in rule)
+    for a, b, c in product(range(degree + 1), repeat=3):
+        if a + b + c <= degree:
+            exact = 6 * math.factorial(a) * math.factorial(b) * math.factorial(c) / math.factorial(a + b + c + 3)
+            assert math.fsum(w * r**a * s**b * t**c for r, s, t, w in rule) == pytest.approx(exact, rel=1e-13)
 
 
 # Null rules

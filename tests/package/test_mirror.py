@@ -13,6 +13,7 @@ BY_FEATURE = {
     "ellipse ellipses arcs": "tests/backends/test_ellipse.py tests/backends/test_clipped_ellipse.py",
     "hyperbola moments": "tests/backends/test_hyperbola.py",
     "poles": "tests/backends/test_poles.py",
+    "polyhedron polyhedra": "tests/backends/test_polyhedron.py",
     "polygon polygons clipped": "tests/backends/test_polygon.py",
     "samples": "tests/backends/test_sampling.py tests/backends/test_sampled.py",
     "isolate": "tests/backends/numpy/test_isolate.py tests/backends/jax/test_isolate.py tests/backends/c/test_isolate.py",
@@ -97,9 +98,7 @@ ELSEWHERE = {
         "match": "tests/passes/intrinsics/test_polygon.py",
         "polynomials": "tests/passes/intrinsics/test_adjoints.py",
     },
-    "teg/passes/lower": dict.fromkeys(
-        ("emit", "intrinsic", "levels", "pieces", "refute", "rounding"), "tests/passes/lower/test_integrals.py"
-    )
+    "teg/passes/lower": dict.fromkeys(("emit", "intrinsic", "levels", "refute", "rounding"), "tests/passes/lower/test_integrals.py")
     | {
         "gaussian": "tests/passes/lower/test_means.py",
         "linear": "tests/passes/normalise/test_tables.py",

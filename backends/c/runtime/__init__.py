@@ -14,6 +14,7 @@ from teg.numerics.cells import ROUNDING as KEY_ROUNDING
 from teg.program import (
     ABSOLUTE_FLOOR,
     BOX_COST,
+    CLIP_EPS,
     CLOSE_ENDS,
     DEEP,
     DIVERGENT,
@@ -39,12 +40,14 @@ from teg.program import (
     MAX_DEPTH,
     MAX_EVALUATIONS,
     MAX_HALF_PLANES,
+    MAX_HALF_SPACES,
     MAX_INTERVALS,
     NEAR,
     NEAR_SIDE,
     NEARLY,
     NOISE,
     PIECE_EPS,
+    PLACED,
     POLE,
     RESIDUE,
     ROUNDING,
@@ -73,6 +76,14 @@ PIECES, LINES = 8, 40
 """The numbers of regions of a square and of lines up to which there are cells with signs."""
 CORNERS = 8
 """The number of corners up to which a polygon is a piece, whose corners are computed side by side."""
+
+
+def room_of_solid(half_spaces: int) -> int:
+    """Returns the largest number of corners, and of edges, of a box cut by half-spaces with those that were cut off: each cuts an edge for
+    each face there is, at most."""
+    return 12 + sum(range(6, 6 + half_spaces))
+
+
 LIMITS = {
     "TEG_BLOCK": BLOCK,
     "TEG_CHUNKS": CHUNKS,
@@ -100,8 +111,13 @@ LIMITS = {
     "TEG_THIN": THIN,
     "TEG_HALF_PLANES": MAX_HALF_PLANES,
     "TEG_CORNERS": 2 * (4 + MAX_HALF_PLANES),
+    "TEG_HALF_SPACES": MAX_HALF_SPACES,
+    "TEG_SOLID_FACES": 6 + MAX_HALF_SPACES,
+    "TEG_SOLID": room_of_solid(MAX_HALF_SPACES),
+    "TEG_CLIP_EPS": CLIP_EPS,
     "TEG_SIDES": 2 * (4 + MAX_CUTS),
     "TEG_EDGE": EDGE,
+    "TEG_PLACED": PLACED,
     "TEG_FAR": FAR,
     "TEG_POLE": POLE,
     "TEG_RESIDUE": RESIDUE,
@@ -153,6 +169,7 @@ TOPICS = (
     "exponential",
     "trigonometric",
     "polygon",
+    "polyhedron",
     "quadrature",
     "bends",
     "hyperbola",

@@ -185,3 +185,20 @@ static inline void teg_sort(double *t, int n)
         teg_sink(t, 0, i);
     }
 }
+
+//: teg_breaks
+/* The ends of the pieces of (a, b): a is the first number, n breaks stand behind it. Those inside are sorted, and b follows. Returns the number
+   of pieces. */
+static inline int teg_breaks(double *ends, int n, double b)
+{
+    const double a = ends[0];
+    int pieces = 1;
+    for (int i = 1; i <= n; i++) {
+        const double t = ends[i];
+        ends[pieces] = t;
+        pieces += t > a && t < b;
+    }
+    teg_sort(ends + 1, pieces - 1);
+    ends[pieces] = b;
+    return pieces;
+}

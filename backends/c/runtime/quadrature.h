@@ -98,6 +98,16 @@ static inline int teg_unseen(int n, const double *bounds, const double *seen, in
     return 0;
 }
 
+//: teg_placed
+/* What the rounding of places does to an integral over an interval, relative to that of |values|, from the places of its ends and of its
+   middle, by which an infinite end is replaced. */
+static inline double teg_placed(double left, double middle, double right)
+{
+    const double p = isfinite(left) ? left : middle, q = isfinite(right) ? right : middle;
+    const double apart = q > p ? TEG_PLACED * fmax(fabs(p), fabs(q)) / (q - p) : 1.0;
+    return apart < 1.0 ? apart : 1.0;
+}
+
 //: teg_rounding
 /* What rounding does to an integral over (p, q), relative to that of |values|: theirs, and that of the ends. */
 static inline double teg_rounding(double p, double q)

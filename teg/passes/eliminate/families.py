@@ -14,6 +14,7 @@ from collections.abc import Callable, Collection, Sequence
 from functools import partial
 from typing import Any, cast
 
+from teg.analysis.births import at_births
 from teg.analysis.calculus import slope
 from teg.analysis.nest import Binder, Chain, nest
 from teg.analysis.polynomial import Shadow
@@ -304,7 +305,7 @@ class _Elimination:
                     self.kept = True
                     return nest(mul(delta(g), coefficient), chain)
                 if inner is not None:
-                    return nest(inner, chain[:i])
+                    return add(nest(inner, chain[:i]), at_births(g, coefficient, chain))
         return None
 
 

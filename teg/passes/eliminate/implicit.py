@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import cast
 
+from teg.analysis.births import at_births
 from teg.analysis.calculus import slope
 from teg.analysis.critical import critical_point, infinite_at_saddle, is_above_birth, least_height
 from teg.analysis.isolation import isolate, widened
@@ -73,8 +74,7 @@ def rewrite_implicit(g: Expr, coefficient: Expr, chain: Chain, data: Implicit, p
                 inside = signed_inside(b.var, b.lo, b.hi, g, b, inside)
         summed = integral_over(inside, box.var, *widened(box.lo, box.hi))
         charts.append(nest(summed, (*(b for b in boxes if b is not box), *others)))
-    if not others:
-        charts.append(infinite_at_saddle(g, coefficient, boxes))
+    charts.append(_at_critical_points(g, coefficient, boxes, mine, others))
     return add(*charts)
 
 
@@ -103,9 +103,15 @@ def rewrite_by_formulas(g: Expr, coefficient: Expr, chain: Chain, data: Implicit
                     inside = signed_inside(at.get(b.var, b.var), lo, hi, g, b, inside)
             terms.append(where(root.exists, inside, ZERO))
         charts.append(nest(add(*terms), (*(b for b in boxes if b is not box), *others)))
-    if not others:
-        charts.append(infinite_at_saddle(g, coefficient, boxes))
+    charts.append(_at_critical_points(g, coefficient, boxes, mine, others))
     return add(*charts)
+
+
+def _at_critical_points(g: Expr, coefficient: Expr, boxes: Chain, mine: Chain, others: Chain) -> Expr:
+    """Returns what ∫∫ coefficient·δ(g) has at critical points of the surface that lie on it."""
+    if critical_point(g, boxes) is not None:
+        return ZERO if others else infinite_at_saddle(g, coefficient, boxes)
+    return nest(at_births(g, coefficient, mine), others)
 
 
 def _chart_weights(slopes: Sequence[Expr], boxes: Sequence[Binder], power: int) -> list[Expr]:

@@ -1,6 +1,6 @@
 """The fast paths of one shape of program, each in a folder of its own; only this list names them.
 
-    polygon      polynomials on half-planes over a box, and on half-lines over an interval: the domain is clipped, exactly
+    polygon      polynomials on half-planes or half-spaces over a box, and on half-lines over an interval: the domain is clipped
     hyperbola    polynomials on either side of a bilinear surface over a box, and along it: moments in closed form
     ellipse      polynomials on either side of an ellipse over a box, and along it: moments by its chords and arcs
     pole         polynomials over a power of a linear function: Gauss nodes with weights of their own

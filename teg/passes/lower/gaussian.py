@@ -35,6 +35,8 @@ Gaussian falls off like an exponential, and TAIL_NODES nodes on the part where i
 TAIL_NODES, DECAY = 24, 37.0
 FLAT = 1e-280
 """Replaces w² where it is 0: the formulas are then those of an exponential."""
+RESOLVED = 2.0**-6
+"""The least distance of such an end from the peak, relative to the place of that."""
 UNDERFLOW = 746.0
 """exp(-UNDERFLOW) is 0."""
 REACH = 1521.0
@@ -62,10 +64,13 @@ class Gaussian:
 
     def end(self, sign: float) -> Expr:
         """Returns a place below (sign -1) or above the peak beyond which the Gaussian is 0; no number if there is none. Conditions may
-        leave out a peak that is too large for a number; the place is then rounded away from it."""
+        leave out a peak that is too large for a number; the place is then rounded away from it. It differs from the peak, however narrow
+        that is."""
         peak = self.peak_from(ZERO)
+        known = where(positive(sub(self.least, const(FLAT))), self.least, ZERO)
         reach = call("sqrt", add(const(REACH), call("max", ZERO, self.at(self.exponent, peak))))
-        return add(peak, div(mul(const(sign * (1.0 + 1e-15)), reach), call("sqrt", self.least)))
+        away = div(mul(const(1.0 + 1e-15), reach), call("sqrt", known))
+        return add(peak, mul(const(sign), call("max", away, mul(const(RESOLVED), call("magnitude", peak)))))
 
     def mean(self, polynomial: Expr, degree: int, p: Expr, q: Expr) -> Expr:
         """Returns the mean times a polynomial over (p, q)."""

@@ -123,7 +123,7 @@ class _Integrals:
                 key = (shape.key(node, level),)
             elif not self.samples.is_unbroken(node, level):
                 kind = None if masses is not None else self.rules.kind(node, level.depth)
-                key = (*key, kind, frozenset(self.rules.analysis.of(node).functions))
+                key = (*key, kind, (breaks := self.rules.analysis.of(node)).births, frozenset(breaks.functions))
             shared.setdefault((*key, height[node], level.guards[node]), []).append(node)
         for group in shared.values():
             for node in group:
@@ -218,6 +218,8 @@ class _Integrals:
         values = tuple(self.out.number(b, level) for b in bodies)
         watch = self.pieces.watched(bodies, level) if isinstance(rule, Adaptive) and rule.tol < math.inf else ()
         base, bends = self.pieces.bends(group, level, home, rule) if not isinstance(rule, Gauss) else (0.0, ())
+        if isinstance(rule, Adaptive) and rule.tol < math.inf and (lost := self.pieces.lost(group, bends, home)) is not False:
+            lo = self.out.assign(home, "select", lost, math.nan, lo)
         guard = self._guard(group, weight, level, home, rule, bends)
         self.guards.note_peaks(group, home)
         results = tuple(self.out.fresh("v") for _ in group)

@@ -26,7 +26,7 @@ from teg.errors import NotDifferentiableError
 from teg.ir.expr import MINUS_ONE, ONE, TRUE, ZERO, Call, Compare, Cond, Expr, Var, const
 from teg.ir.integral import Integral, PointMasses
 from teg.ir.node import postorder
-from teg.ir.simplify import add, call, conjunction, div, mul, positive, sub, where
+from teg.ir.simplify import add, call, conjunction, disjunction, div, mul, positive, sub, where
 from teg.ir.traverse import substitute
 from teg.passes.lower.emit import NAN, Emitter
 from teg.passes.lower.levels import Level
@@ -37,6 +37,12 @@ from teg.program import TIE_EPS, Adaptive, Arg, Bend, Rule
 MAX_SCALES = 4
 PEAK = 8.5
 """A Gaussian is 0 to rounding beyond this many standard deviations: exp(-8.5²/2) = 2e-16."""
+RESOLVED = 64 * 2.0**-52
+"""A feature that is narrower, relative to its place, is lost in the rounding of places."""
+LARGEST = 1.7e308
+"""Larger numbers are infinite."""
+FARTHEST = 1e300
+"""No place that is found at run time is as far away."""
 NEAR = 8.0
 """A centre that is nearer than so many of its widths to a bound, or to another centre, is seen by the nodes around that."""
 
@@ -67,6 +73,10 @@ class Pieces:
             breaks += self._mattering(found, analysis.matters[isolation.g], node.var, home)
         for location in analysis.located:
             breaks += self.roots.located(location, node.lo, node.hi, home, when)
+        for location in analysis.births:
+            found = self.roots.located(location, node.lo, node.hi, home, when)
+            none = self.out.assign(home, "ge0", self.out.assign(home, "sub", found[0], FARTHEST))
+            lo = self.out.assign(home, "select", none, lo, NAN)
         return lo, hi, breaks
 
     def _decisive(self, group: Sequence[Integral], home: Level) -> set[Expr]:
@@ -196,6 +206,25 @@ class Pieces:
         pairs = combinations(places, 2)
         return [self.out.assign(home, "mul", 0.5, self.out.assign(home, "add", one, other)) for one, other in pairs]
 
+    def lost(self, group: Sequence[Integral], bends: Sequence[Bend], home: Level) -> Arg:
+        """Returns whether numbers cannot tell where an integrand has its features: a narrow Gaussian, or a pole beside an infinite range,
+        whose width is less than RESOLVED of its place, or a function with bends whose coefficients are no numbers."""
+        node, out = group[0], self.out
+        found: list[Cond] = []
+        for rate, curvature in self.exponentials(group)[1]:
+            middle, width = div(mul(MINUS_ONE, rate), curvature), div(ONE, call("root", mul(const(-1.0), curvature)))
+            bounds = zip((1.0, -1.0), (node.lo, node.hi), infinite_ends(node), strict=True)
+            inside = [positive(mul(const(sign), sub(middle, bound))) for sign, bound, end in bounds if not end]
+            found.append(conjunction(positive(mul(MINUS_ONE, curvature)), _is_unresolved(middle, width), *inside))
+        if is_unbounded(node):
+            poles = dict.fromkeys(c for i in group for c in self.centres.of(i) if c.pole)
+            found += [conjunction(positive(c.width), _is_unresolved(c.place, c.width)) for c in poles]
+        flag = out.truths(disjunction(*found), home)[0]
+        for number in [c for b in bends if b.when is True for c in b.coefficients if isinstance(c, str)]:
+            large = out.assign(home, "gt0", out.assign(home, "sub", out.assign(home, "abs", number), LARGEST))
+            flag = large if flag is False else out.assign(home, "or", flag, large)
+        return flag
+
     def scale(self, group: Sequence[Integral], home: Level) -> Arg:
         """Returns the length of tails, on which an exponential in the integrands falls off; else the least width of a centre; 1 if there is
         none."""
@@ -273,6 +302,10 @@ class Pieces:
         finite = out.assign(level, "le0", out.assign(level, "sub", noise, noise))
         lost = out.assign(level, "and", larger, finite)
         return out.assign(level, "select", lost, 0.0, sign)
+
+
+def _is_unresolved(place: Expr, width: Expr) -> Cond:
+    return positive(sub(mul(const(RESOLVED), call("magnitude", place)), width))
 
 
 def _slope_of(g: Expr, x: Var) -> Expr | None:

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from teg.program.arrays import ArrayProgram, Cells, Run
 from teg.program.interpreter.arrays import ArrayMachine
 from teg.program.interpreter.machine import Machine, Value
-from teg.program.statements import Arg, Assign, Ellipse, Hyperbola, Isolate, Locate, Polygon, Program, Segment, Stmt
+from teg.program.statements import Arg, Assign, Ellipse, Hyperbola, Isolate, Locate, Polygon, Polyhedron, Program, Segment, Stmt
 
 SIGNS = frozenset(("gt0", "ge0", "lt0", "le0", "tie"))
 CORNERS = 4
@@ -52,6 +52,8 @@ class CountingMachine(Machine):
         match stmt:
             case Polygon():
                 self.decisions += len(stmt.half_planes)
+            case Polyhedron():
+                self.decisions += len(stmt.half_spaces)
             case Segment():
                 self.decisions += len(stmt.half_lines)
             case Hyperbola() | Ellipse():

@@ -23,6 +23,7 @@ from teg.program.limits import (
     MAX_INTERVALS,
     NOISE,
     PIECE_EPS,
+    PLACED,
     POLE,
     RESIDUE,
     ROUNDING,
@@ -32,7 +33,7 @@ from teg.program.limits import (
 )
 from teg.program.operations import divide, largest, power
 from teg.program.rules import Adaptive, Gauss, Midpoint, Rational
-from teg.program.statements import Guard, Integrate, Polygon, Sample, Segment
+from teg.program.statements import Guard, Integrate, Polygon, Polyhedron, Sample, Segment
 from teg.program.walk import compound
 
 if TYPE_CHECKING:
@@ -192,7 +193,7 @@ class _Piece:
             m.missed |= any(math.isinf(found.total[j]) for j in tested)
             if not found.changed:
                 spent = [s + e for s, e in zip(spent, found.error, strict=True)]
-            factor = rounding(way.p, way.q)
+            factor = max(rounding(way.p, way.q), 0.5 * ROUNDING + _placed(way, left, right))
             self._take(found.total, [e + factor * a for e, a in zip(found.error, found.size, strict=True)])
         most = [max(rule.tol * (a + ABSOLUTE_FLOOR), ROUNDING * a) for a in whole]
         m.missed |= any(s > SPENT * w for s, w in zip(spent, most, strict=True))
@@ -274,7 +275,15 @@ def _place(way: Substitution, u: float) -> float:
 
 def is_leaf(stmt: Integrate | Sample) -> bool:
     """Returns whether there is no integral inside: the evaluations of its integrand are counted."""
-    return not any(isinstance(s, Integrate | Sample | Polygon | Segment) for s in compound(stmt.body))
+    return not any(isinstance(s, Integrate | Sample | Polygon | Polyhedron | Segment) for s in compound(stmt.body))
+
+
+def _placed(way: Substitution, left: float, right: float) -> float:
+    """Returns the effect of the rounding of places on the integral over an interval, relative to the integral of |values|. An end that is
+    infinite is replaced by the middle."""
+    middle = _place(way, 0.5 * (left + right))
+    p, q = (place if math.isfinite(place) else middle for place in (_place(way, left), _place(way, right)))
+    return min(1.0, PLACED * max(abs(p), abs(q)) / (q - p)) if q > p else 1.0
 
 
 def rounding(p: float, q: float) -> float:

@@ -15,6 +15,7 @@ from teg.program.interpreter.integrate import integrate, is_leaf
 from teg.program.interpreter.isolate import isolate
 from teg.program.interpreter.locate import locate
 from teg.program.interpreter.moments import hyperbola
+from teg.program.interpreter.polyhedra import polyhedron
 from teg.program.limits import TIE_EPS
 from teg.program.operations import OPERATIONS
 from teg.program.statements import (
@@ -26,6 +27,7 @@ from teg.program.statements import (
     Isolate,
     Locate,
     Polygon,
+    Polyhedron,
     Program,
     Sample,
     Segment,
@@ -130,6 +132,8 @@ class Machine:
                 return self._mean(stmt)
             case Polygon():
                 return polygon(self, stmt)
+            case Polyhedron():
+                return polyhedron(self, stmt)
             case Segment():
                 return segment(self, stmt)
             case Hyperbola():

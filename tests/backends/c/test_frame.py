@@ -38,7 +38,7 @@ from teg.program import (
     When,
     statements,
 )
-from tests.backends.c_checks import STRICT, in_c
+from tests.backends.c_checks import STRICT, in_c, in_turn
 from tests.references import REFERENCES, Reference
 
 pytestmark = in_c
@@ -162,12 +162,7 @@ def test_every_kind_of_statement_is_cut(scene: Scene, tmp_path: Path, monkeypatc
     compiles(tmp_path, texts)
 
 
-@pytest.mark.parametrize("limits", LIMITS, ids=str)
-@pytest.mark.parametrize(
-    "scene",
-    [pytest.param(s, marks=() if s.name in ("polygon", "roots", "adaptive") else pytest.mark.slow) for s in SCENES],
-    ids=lambda s: s.name,
-)
+@pytest.mark.parametrize(("scene", "limits"), in_turn(SCENES, LIMITS[1:], LIMITS[0]))
 def test_parts_change_no_bit(scene: Scene, limits: dict[str, int], monkeypatch: pytest.MonkeyPatch) -> None:
     program = program_of(scene)
     columns = given(program)

@@ -20,6 +20,7 @@ from tests.backends.c_checks import (
     count_of_calls,
     has_its_values,
     in_c,
+    in_turn,
     limits_change_no_bit,
     lines_are_short,
     standalone_files_work,
@@ -121,9 +122,7 @@ def test_cost(g: Surface, p: float, most: int) -> None:
 # Text
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("limits", LIMITS, ids=str)
-@pytest.mark.parametrize("case", [ROOTS[0], ROOTS[4], *SUMS], ids=lambda case: case.name)
+@pytest.mark.parametrize(("case", "limits"), in_turn([ROOTS[0], ROOTS[4], *SUMS], LIMITS))
 def test_limits_change_no_bit(case: Case, limits: dict[str, int], monkeypatch: pytest.MonkeyPatch) -> None:
     limits_change_no_bit(case, limits, monkeypatch)
 

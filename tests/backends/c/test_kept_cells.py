@@ -311,7 +311,7 @@ def test_squares_without_candidates_are_computed_apart(outside: str) -> None:
     V, R, L, T, B = teg.array("V", 2), teg.indices("R", 2), teg.indices("L"), teg.array("T", 2), teg.array("B")
     i, j, k = teg.index("i"), teg.index("j"), teg.index("k")
     inside = (x > V[L[k], 0]) & (y > V[L[k], 1]) & (x + y < V[L[k], 2])
-    otherwise = (0.25 - 0.5 * x, 1.0 * y) if outside == "numbers" else (B[0] + 0.5 * B[1] * x, B[1] - y)
+    otherwise = (0.25 - 0.5 * x, x * y) if outside == "numbers" else (B[0] + 0.5 * B[1] * x, B[1] - y)
     seen = teg.nearest(
         (V[L[k], 3] * x, V[L[k], 3] + y), V[L[k], 2] * x, (k, R[4 * i + j, 0], R[4 * i + j, 1]), where=inside, otherwise=otherwise
     )

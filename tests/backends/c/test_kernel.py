@@ -21,7 +21,7 @@ from teg.backends.c.text import literal
 from teg.backends.numpy.kernel import compile_numpy
 from teg.errors import CompilerError, OptionError, ParameterError
 from teg.program import INSIDE, Adaptive, Assign, Gauss, Integrate, Program
-from tests.backends.c_checks import in_c
+from tests.backends.c_checks import in_c, in_turn
 from tests.backends.programs import (
     CASES,
     DISC,
@@ -245,8 +245,7 @@ def test_many_captured_values_results_and_breaks() -> None:
 LIMITS = ({"PART": 2}, {"BY_VALUE": 0}, {"ON_STACK": 1}, {"PART": 3, "BY_VALUE": 1}, {"INLINE": 0})
 
 
-@pytest.mark.parametrize("limits", [{}, *(pytest.param(limits, marks=pytest.mark.slow) for limits in LIMITS)], ids=str)
-@pytest.mark.parametrize("case", [c for c in CASES if " at " not in c.name], ids=lambda case: case.name)
+@pytest.mark.parametrize(("case", "limits"), in_turn([c for c in CASES if " at " not in c.name], LIMITS, {}))
 def test_limits_change_no_bit(case: Case, limits: dict[str, int], monkeypatch: pytest.MonkeyPatch) -> None:
     """Parts, values and arrays in the workspace, at every size: as in one function on the stack."""
     plain = compile_c(case.program)(columns(case), case.n)

@@ -19,6 +19,7 @@ from tests.backends.c_checks import (
     count_of_calls,
     has_its_values,
     in_c,
+    in_turn,
     limits_change_no_bit,
     lines_are_short,
     standalone_files_work,
@@ -138,9 +139,7 @@ def test_cost(pair: Pair, p: float, most: int) -> None:
 # Text
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("limits", LIMITS, ids=str)
-@pytest.mark.parametrize("case", [PLACES[0], PLACES[3], PLACES[13], *NESTS], ids=lambda case: case.name)
+@pytest.mark.parametrize(("case", "limits"), in_turn([PLACES[0], PLACES[3], PLACES[13], *NESTS], LIMITS))
 def test_limits_change_no_bit(case: Case, limits: dict[str, int], monkeypatch: pytest.MonkeyPatch) -> None:
     limits_change_no_bit(case, limits, monkeypatch)
 

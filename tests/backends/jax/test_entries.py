@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import gc
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,13 @@ from teg.backends.jax import entries, runtime  # noqa: E402
 
 pytestmark = pytest.mark.usefixtures("x64")
 NUMBERS = np.array([2.0, 3.0, 5.0, 7.0, 11.0])
+
+
+@pytest.fixture(autouse=True)
+def remembered() -> Iterator[None]:
+    """As in the run of a printed program."""
+    with entries.remembered():
+        yield
 
 
 def operations(function: Any, *operands: Any) -> list[str]:
@@ -53,14 +60,17 @@ def test_columns_from_one_array_are_read_together() -> None:
     assert operations(function, NUMBERS, 1.5).count("gather") == 1
 
 
-def test_numbers_are_forgotten() -> None:
-    before = len(entries._ENTRIES)
-    numbers = entries.entries(jnp.asarray(NUMBERS))
-    assert entries.entry(numbers[2]).place == 2  # type: ignore[union-attr]
-    assert entries.entry(jnp.asarray(2.0)) is None
-    del numbers
-    gc.collect()
-    assert len(entries._ENTRIES) == before
+def test_numbers_are_forgotten_after_a_run() -> None:
+    with entries.remembered():
+        numbers = entries.entries(jnp.asarray(NUMBERS))
+        assert entries.entry(numbers[2]).place == 2  # type: ignore[union-attr]
+        assert entries.entry(jnp.asarray(2.0)) is None
+    assert entries.entry(numbers[2]) is None
+
+
+def test_a_trace_in_a_run_leaves_nothing_behind() -> None:
+    with jax.checking_leaks():
+        np.testing.assert_array_equal(jax.jit(lambda a: entries.stacked(entries.entries(a)[1:3]))(NUMBERS), [3.0, 5.0])
 
 
 def test_few_numbers_that_stand_often_are_stacked_once() -> None:

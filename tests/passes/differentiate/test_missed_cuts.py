@@ -79,3 +79,12 @@ def test_a_cut_in_one_branch_only_is_reported() -> None:
     f = teg.compile(teg.integral(teg.bracket(g > t), (x, -1, 1), (y, -1, 1)), [t])
     with pytest.warns(teg.AccuracyWarning, match="not a number"):
         assert math.isnan(f.grad(t=0.5)["t"])
+
+
+def test_a_cut_in_a_range_that_is_not_known_may_be_met() -> None:
+    """The range of x ends at an integral over z that depends on y, of which no bounds are known."""
+    z = teg.var("z")
+    end = teg.integral(teg.exp(z * y), (z, 0, 1))
+    f = teg.compile(teg.integral(teg.bracket(2 * teg.atan2(y - a, x - 0.2) - y * x > t), (x, -1, end), (y, -1, 1)), [t, a])
+    with pytest.warns(teg.AccuracyWarning, match="not a number"):
+        assert math.isnan(f.grad(t=0.6, a=0.1)["t"])

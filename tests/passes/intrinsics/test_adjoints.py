@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import count
 from typing import Any
 from unittest import mock
 
@@ -11,9 +12,11 @@ import pytest
 import teg
 from teg.evaluator import plan
 from teg.passes.intrinsics.polygon.adjoints import with_adjoints
+from teg.passes.intrinsics.polygon.polynomials import ONE, POINTS, Steady, derivative
 from teg.program import Polygon, compound
 from teg.program.arrays import ArrayProgram, Run, steps
 from teg.program.interpreter import interpret_arrays
+from teg.program.residues import residue_of
 from tests.backends.c_checks import in_c
 
 pytestmark = [*in_c, pytest.mark.usefixtures("derived_once"), pytest.mark.filterwarnings("error")]
@@ -104,6 +107,14 @@ def test_moments_are_few_and_short(kind: str) -> None:
     assert len(second.body) <= len(first.body) + 2
     assert kind != "linear" or len(second.body) < 0.4 * len(first.body)
     assert with_adjoints(after) is after
+
+
+def test_derivatives_of_polynomials() -> None:
+    """5u³v + 2u + 7v by u is 15u²v + 2."""
+    steady = Steady(count())
+    numbers = {(("u", 3), ("v", 1)): 5.0, (("u", 1),): 2.0, (("v", 1),): 7.0}
+    found = derivative({monomial: steady.number(c) for monomial, c in numbers.items()}, "u")
+    assert found == {(("u", 2), ("v", 1)): (residue_of(15.0),) * POINTS, ONE: (residue_of(2.0),) * POINTS}
 
 
 def test_what_has_no_moments_stays_as_it_is() -> None:

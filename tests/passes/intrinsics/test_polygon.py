@@ -9,10 +9,10 @@ from teg import Expr
 from teg.analysis.settings import Integration
 from teg.ir.integral import Integral
 from teg.numerics.quadrature import triangle_rule
-from teg.passes.intrinsics.polygon.match import match_clipped, match_polygon, match_segment
+from teg.passes.intrinsics.polygon.match import match_box, match_clipped, match_segment
 from teg.passes.program.sink import sink
 from teg.pipeline import normal_form, program_for
-from teg.program import Assign, Integrate, Polygon, Segment, blocks, size, statements
+from teg.program import Assign, Integrate, Polygon, Polyhedron, Segment, blocks, size, statements
 from tests.bench.scenes import half_planes, triangle_pixel
 
 x, y = teg.vars("x y")
@@ -43,7 +43,7 @@ def kinds_of(e: Expr, orders: int = 0, **options: object) -> list[type]:
     ids=["area", "two", "normalised", "negated", "closed"],
 )
 def test_polynomials_times_half_planes_match(integrand: Expr, degree: int, halves: int) -> None:
-    found = match_polygon(nest_of(integrand))
+    found = match_box(nest_of(integrand))
     assert found is not None
     assert (found.degree, len(found.halves)) == (degree, halves)
 
@@ -64,7 +64,7 @@ def test_polynomials_times_half_planes_match(integrand: Expr, degree: int, halve
 )
 def test_what_is_none(integrand: Expr, bounds: tuple[tuple[object, ...], ...]) -> None:
     e = normal_form(teg.integral(integrand, *(bounds or ((x, 0, 1), (y, 0, 1)))))
-    assert not isinstance(e, Integral) or match_polygon(e) is None
+    assert not isinstance(e, Integral) or match_box(e) is None
 
 
 @pytest.mark.parametrize(
@@ -129,13 +129,16 @@ def test_too_many_half_planes_are_integrated_piece_by_piece() -> None:
     many = teg.bracket(x + y < t)
     for i in range(70):
         many = many * teg.bracket(x < a + i)
-    assert match_polygon(nest_of(many)) is None
+    assert match_box(nest_of(many)) is None
 
 
 def test_mixed_programs_keep_their_other_integrals() -> None:
     z = teg.var("z")
     kinds = kinds_of(teg.integral(teg.bracket(x + y + z < t), (x, 0, 1), (y, 0, 1), (z, 0, 1)))
-    assert kinds == [Integrate, Polygon]
+    assert kinds == [Polyhedron]
+    prism = teg.integral(teg.bracket(x + y < t) * z, (x, 0, 1), (y, 0, 1), (z, 0, 1))
+    assert Polyhedron not in kinds_of(prism)
+    assert kinds_of(teg.integral(teg.bracket(x + y + z < t) * teg.exp(z), (x, 0, 1), (y, 0, 1), (z, 0, 1))) == [Integrate, Polygon]
     assert kinds_of(teg.integral(teg.bracket(HALF) * teg.exp(x * x), (x, 0, 1), (y, 0, 1))) == [Integrate, Integrate]
 
 

@@ -1,4 +1,4 @@
-"""Clipped polygons and segments as statements: the numbers that decide the domain, the integrands, and their constant factors.
+"""Clipped polyhedra, polygons and segments as statements: the numbers that decide the domain, the integrands, and their constant factors.
 
 Everything is relative to a corner of the box (x = l + u): differences of large coordinates are taken once, outside, and slivers keep
 their digits. Hidden constants (a triangle's area as the sum of its barycentric coordinates) are found in the normal form of
@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import cast
+from typing import NamedTuple, cast
 
 from teg.analysis.calculus import slope
 from teg.analysis.expanded import distance
@@ -28,11 +28,11 @@ from teg.passes.intrinsics.polygon.match import Clipped, Half, match_clipped
 from teg.passes.lower.emit import Emitter
 from teg.passes.lower.intrinsic import Lowering
 from teg.passes.lower.levels import Level
-from teg.program import Arg, HalfLine, HalfPlane, Polygon, Segment
+from teg.program import Arg, HalfLine, HalfPlane, HalfSpace, Polygon, Polyhedron, Segment, Stmt
 
 
 class PolygonLowering(Lowering):
-    """Polygons and segments of one program. Statements go to `out`."""
+    """Polyhedra, polygons and segments of one program. Statements go to `out`."""
 
     name = "polygon"
 
@@ -42,7 +42,7 @@ class PolygonLowering(Lowering):
         self._keys: dict[Integral, object | None] = {}
 
     def key(self, node: Integral, level: Level) -> object | None:
-        """Returns a key that is equal for integrals over the same polygon or segment."""
+        """Returns a key that is equal for integrals over the same polyhedron, polygon or segment."""
         if level.coordinates is not None:
             return None
         if node not in self._keys:
@@ -53,34 +53,21 @@ class PolygonLowering(Lowering):
         return self._keys[node]
 
     def emit(self, group: Sequence[Integral], home: Level, when: str | None) -> tuple[str, ...]:
-        """Returns the results of integrals over the same polygon or segment."""
+        """Returns the results of integrals over the same polyhedron, polygon or segment."""
         clipped = [self._clipped[node] for node in group]
-        return (self._polygon if len(clipped[0].boxes) == 2 else self._segment)(clipped, home, when)
+        return (self._segment, self._polygon, self._polyhedron)[len(clipped[0].boxes) - 1](clipped, home, when)
 
     def _polygon(self, group: Sequence[Clipped], home: Level, when: str | None) -> tuple[str, ...]:
         inner, outer = group[0].boxes
         x, y = inner.var, outer.var
-        corner = {x: inner.lo, y: outer.lo}
-        taken = {v for b in group[0].boxes for v in b.body.free | b.lo.free | b.hi.free} | {x, y}
-        u = fresh("u", taken)
-        v = fresh("v", taken)
-        steady = _Local((x, y), corner, {x: add(inner.lo, u), y: add(outer.lo, v)}, {})
-        planes: list[HalfPlane] = []
-        affine: dict[Expr, Expr] = {}
+        placed = self._placed(group[0], home)
+        planes = [HalfPlane(a, b, c, half.closed) for (a, b, c), half in zip(placed.numbers, group[0].halves, strict=True)]
         triangle = match_triangle([(h.atom.g, h.negated) for h in group[0].halves], (x, y))
-        for half in group[0].halves:
-            g = steady.constants(half.g)
-            at = [cast(Expr, substitute(e, corner)) for e in (slope(g, x), slope(g, y), g)]
-            a, b, c = (self.out.number(e, home) for e in at)
-            planes.append(HalfPlane(a, b, c, half.closed))
-            if not half.negated:
-                affine[half.atom.g] = add(mul(at[0], u), mul(at[1], v), at[2])
-        local = _Local((x, y), corner, steady.places, affine)
-        variables = [u, v]
+        variables = list(placed.offsets)
         corners: tuple[tuple[Arg, Arg], ...] = ()
         across: Arg = 0.0
         if triangle is not None:
-            coordinates = fresh("λ₁", taken), fresh("λ₂", taken)
+            coordinates = fresh("λ₁", placed.taken), fresh("λ₂", placed.taken)
             inside = Inside(triangle, (x, y), coordinates)
             simpler = [replace(c, integrand=inside.simplified(c.integrand)) for c in group]
             if any(w in c.integrand.free for c in simpler for w in coordinates):
@@ -91,20 +78,55 @@ class PolygonLowering(Lowering):
                 )
                 across = self.out.number(triangle.across, home)
                 planes = [planes[k] for k in triangle.lines] + [g for k, g in enumerate(planes) if k not in triangle.lines]
-        levels = [home]
-        names = tuple(self.out.fresh("x") for _ in variables)
-        for var, name in zip(variables, names, strict=True):
-            levels.append(levels[-1].inside(var, name))
-        values, factors = self._integrands(group, local, variables, levels[1:], home)
+        names, body, values, factors = self._inside(group, placed.local, variables, home)
         width, height = (self.out.number(distance(b.lo, b.hi), home) for b in (inner, outer))
         results = tuple(self.out.fresh("v") for _ in group)
-        body = tuple(stmt for level in levels[1:] for stmt in level.block)
         degree = max(c.degree for c in group)
         met = self._met(group[0], home)
         home.block.append(
             Polygon(names, width, height, tuple(planes), (), body, values, factors, results, degree, when, met, corners, across)
         )
         return results
+
+    def _polyhedron(self, group: Sequence[Clipped], home: Level, when: str | None) -> tuple[str, ...]:
+        placed = self._placed(group[0], home)
+        halves = zip(placed.numbers, group[0].halves, strict=True)
+        spaces = tuple(HalfSpace(tuple(slopes), offset, half.closed) for (*slopes, offset), half in halves)
+        names, body, values, factors = self._inside(group, placed.local, placed.offsets, home)
+        extents = tuple(self.out.number(distance(b.lo, b.hi), home) for b in group[0].boxes)
+        results = tuple(self.out.fresh("v") for _ in group)
+        degree = max(c.degree for c in group)
+        home.block.append(Polyhedron(names, extents, spaces, (), body, values, factors, results, degree, when))
+        return results
+
+    def _placed(self, clipped: Clipped, home: Level) -> _Placed:
+        """Returns the halves of a box by offsets from its corner."""
+        variables = tuple(b.var for b in clipped.boxes)
+        corner = {b.var: b.lo for b in clipped.boxes}
+        taken = {v for b in clipped.boxes for v in b.body.free | b.lo.free | b.hi.free} | set(variables)
+        offsets = [fresh(letter, taken) for letter, _ in zip("uvw", variables, strict=False)]
+        places = {b.var: add(b.lo, u) for b, u in zip(clipped.boxes, offsets, strict=True)}
+        steady = _Local(variables, corner, places, {})
+        numbers: list[list[Arg]] = []
+        affine: dict[Expr, Expr] = {}
+        for half in clipped.halves:
+            g = steady.constants(half.g)
+            *slopes, offset = [cast(Expr, substitute(e, corner)) for e in (*(slope(g, v) for v in variables), g)]
+            numbers.append([self.out.number(e, home) for e in (*slopes, offset)])
+            if not half.negated:
+                affine[half.atom.g] = add(*(mul(a, u) for a, u in zip(slopes, offsets, strict=True)), offset)
+        return _Placed(offsets, numbers, _Local(variables, corner, places, affine), taken)
+
+    def _inside(
+        self, group: Sequence[Clipped], local: _Local, variables: Sequence[Var], home: Level
+    ) -> tuple[tuple[str, ...], tuple[Stmt, ...], tuple[Arg, ...], tuple[Arg, ...]]:
+        """Returns the names of the variables, and the integrands at a place: their block, the values, and the constant factors."""
+        levels = [home]
+        names = tuple(self.out.fresh("x") for _ in variables)
+        for var, name in zip(variables, names, strict=True):
+            levels.append(levels[-1].inside(var, name))
+        values, factors = self._integrands(group, local, variables, levels[1:], home)
+        return names, tuple(stmt for level in levels[1:] for stmt in level.block), values, factors
 
     def _met(self, clipped: Clipped, home: Level) -> Arg:
         """Returns the predicate `met`, which is False only if some half-plane contains no point of the box.
@@ -219,6 +241,15 @@ class PolygonLowering(Lowering):
             values.append(self.out.number(rest, levels[-1]))
             factors.append(self.out.constant((factor, *outside), home))
         return tuple(values), tuple(factors)
+
+
+class _Placed(NamedTuple):
+    """Halves of a box by `offsets` from its corner: the slopes and the offset of each are `numbers`. `taken` are the variables in use."""
+
+    offsets: list[Var]
+    numbers: list[list[Arg]]
+    local: _Local
+    taken: set[Var]
 
 
 def _has_leaf(e: Add) -> bool:

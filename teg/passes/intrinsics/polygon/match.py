@@ -1,10 +1,12 @@
-"""Polynomials times half-planes over a box, and times half-lines over an interval: a clipped polygon, a clipped interval.
+"""Polynomials times half-planes or half-spaces over a box, and times half-lines over an interval: what is left is clipped.
 
+    ∫∫∫ P(x, y, z)·Π[gᵢ(x, y, z) > 0]     gᵢ affine      → `Polyhedron`: the box is clipped by each half-space, a rule on tetrahedra
     ∫∫ P(x, y)·Π[gᵢ(x, y) > 0] dx dy      gᵢ affine      → `Polygon`: the box is clipped by each half-plane, a rule on a fan of triangles
     ∫ P(x)·Π[gᵢ(x) > 0] dx                gᵢ affine      → `Segment`: the interval is clipped, one piece and no search for others
 
 Without them the outer integral has a break wherever two lines meet or one crosses a side, O(n²) of them, and the inner one n in each
-piece. A boundary term along an edge becomes a `Segment`: its half-lines are the sides of the box and the other edges, and may tie.
+piece; with three variables wherever three planes meet, O(n³). A boundary term along an edge becomes a `Segment`: its half-lines are the
+sides of the box and the other edges, and may tie.
 
 Hidden constants, and hidden functions of degree 1, are found in the normal form of `teg.analysis.polynomial`; `lowering.py` makes the
 statements.
@@ -28,10 +30,11 @@ from teg.ir.integral import Integral, masses_of
 from teg.ir.node import Node
 from teg.ir.simplify import add, conjunction, disjunction, mul, negation, positive, sub, where
 from teg.ir.traverse import replace_node, substitute
-from teg.program import MAX_HALF_PLANES
+from teg.program import MAX_HALF_PLANES, MAX_HALF_SPACES
 
 MAX_DEGREE = 24
-MAX_NODES = 16
+MAX_SOLID_DEGREE = 8
+"""The largest degree on a polyhedron."""
 MAX_TERMS = 256
 """The largest number of terms of a sum of integrals over one box."""
 
@@ -68,20 +71,44 @@ class Clipped:
         return (len(self.boxes), *((b.var, b.lo, b.hi) for b in self.boxes), frozenset(self.halves))
 
 
-def match_polygon(node: Integral) -> Clipped | None:
-    """Returns a polynomial on a box in two variables in the intersection of half-planes, or None."""
-    outside, rest = nonzero_part(node.body)
-    terms = _terms(rest)
-    if not terms or any(i.has_delta or masses_of(i.body, i.var) is not None for _, i in terms):
+def match_box(node: Integral) -> Clipped | None:
+    """Returns a polynomial on a box in two or three variables in the intersection of half-planes or half-spaces, or None."""
+    for nest in (_with_inner(_with_inner(_alone(node))), _with_inner(_alone(node))):
+        if nest is not None and (found := _match(nest)) is not None:
+            return found
+    return None
+
+
+@dataclass(frozen=True)
+class _Nest:
+    """Integrals over a box, innermost first: the integrand where the condition holds, and the inner integrals. The innermost one of the
+    boxes stands for all of one variable."""
+
+    boxes: tuple[Integral, ...]
+    condition: Cond
+    integrand: Expr
+    inside: tuple[Integral, ...] = ()
+
+
+def _alone(node: Integral) -> _Nest:
+    """Returns a nest of one integral."""
+    return _Nest((node,), *nonzero_part(node.body))
+
+
+def _with_inner(nest: _Nest | None) -> _Nest | None:
+    """Returns the nest with the integrals of its integrand, which is a sum of them times factors; None if it is none."""
+    terms = [] if nest is None else _terms(nest.integrand)
+    if nest is None or not terms or any(i.has_delta or masses_of(i.body, i.var) is not None for _, i in terms):
         return None
     (_, first), condition = terms[0], nonzero_part(terms[0][1].body)[0]
     box = (first.var, first.lo, first.hi)
     if any((i.var, i.lo, i.hi) != box or nonzero_part(i.body)[0] is not condition or first.var in factor.free for factor, i in terms):
         return None
-    if first.var is node.var or node.var in first.lo.free | first.hi.free:
+    outer = [b.var for b in nest.boxes]
+    if first.var in outer or any(v in first.lo.free | first.hi.free for v in outer):
         return None
     integrand = add(*(mul(factor, nonzero_part(i.body)[1]) for factor, i in terms))
-    return _match((first, node), conjunction(condition, outside), integrand, tuple(i for _, i in terms))
+    return _Nest((first, *nest.boxes), conjunction(condition, nest.condition), integrand, (*(i for _, i in terms), *nest.inside))
 
 
 def _terms(e: Expr) -> list[tuple[Expr, Integral]]:
@@ -109,18 +136,19 @@ def _terms(e: Expr) -> list[tuple[Expr, Integral]]:
 def match_segment(node: Integral) -> Clipped | None:
     """Returns a polynomial on an interval in the intersection of half-lines, one of which may tie, or None."""
     ties = any(a.resolution is not None for a in atoms_of(node.body, node.var))
-    found = _match((node,), *nonzero_part(node.body)) if ties else None
+    found = _match(_alone(node)) if ties else None
     return found if found is not None and any(h.atom.resolution is not None for h in found.halves) else None
 
 
 def match_clipped(node: Integral) -> Clipped | None:
-    """Returns the integral as a polygon or a segment, or None."""
-    return match_polygon(node) or match_segment(node)
+    """Returns the integral as a polyhedron, a polygon or a segment, or None."""
+    return match_box(node) or match_segment(node)
 
 
-def _match(boxes: tuple[Integral, ...], condition: Cond, integrand: Expr, inside: tuple[Integral, ...] = ()) -> Clipped | None:
+def _match(nest: _Nest) -> Clipped | None:
     """Returns the integrand on boxes where a condition holds, if it is a polynomial there and the condition an intersection of halves; else
     None."""
+    boxes, condition, integrand = nest.boxes, nest.condition, nest.integrand
     variables = tuple(b.var for b in boxes)
     if any(is_unbounded(b) or masses_of(b.body, b.var) is not None for b in boxes) or integrand.has_delta or condition is TRUE:
         return None
@@ -129,15 +157,20 @@ def _match(boxes: tuple[Integral, ...], condition: Cond, integrand: Expr, inside
         return None
     halves, integrand = found
     shadow = Shadow(variables)
-    if not 0 < len(halves) <= MAX_HALF_PLANES or any(atoms_of(e, v) for v in variables for e in (integrand, *(h.atom.g for h in halves))):
+    solid = len(boxes) > 2
+    if not 0 < len(halves) <= (MAX_HALF_SPACES if solid else MAX_HALF_PLANES):
         return None
+    if any(atoms_of(e, v) for v in variables for e in (integrand, *(h.atom.g for h in halves))):
+        return None
+    if solid and any(all(v not in h.atom.g.free for h in halves) for v in variables):
+        return None  # a prism is an integral over a polygon
     if any(shadow.degree(h.atom.g) not in (0, 1) for h in halves):
         return None
     resolutions = [h.atom.resolution for h in halves if h.atom.resolution is not None]
     if resolutions and (len(boxes) > 1 or any(v in r.free for r in resolutions for v in variables)):
         return None  # the side of a tie must be known before the interval is cut
     degree = shadow.degree(integrand)
-    if degree is None or degree > MAX_DEGREE or (len(boxes) == 1 and degree // 2 + 1 > MAX_NODES):
+    if degree is None or degree > (MAX_SOLID_DEGREE if solid else MAX_DEGREE):
         return None
     try:
         for h in halves:
@@ -145,7 +178,7 @@ def _match(boxes: tuple[Integral, ...], condition: Cond, integrand: Expr, inside
                 slope(h.atom.g, v)
     except NotDifferentiableError:
         return None
-    return Clipped(boxes, halves, integrand, degree, inside)
+    return Clipped(boxes, halves, integrand, degree, nest.inside)
 
 
 def _halves(condition: Cond, variables: Sequence[Var], integrand: Expr) -> tuple[tuple[Half, ...], Expr] | None:

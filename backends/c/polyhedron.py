@@ -1,0 +1,92 @@
+"""Clipped polyhedra in C: the box is clipped first (teg_polyhedron), then `body` is run at the nodes of some tetrahedra after others."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from teg.backends.c.frame import Frame
+from teg.backends.c.polygon import LANES, in_lanes, leave, totals
+from teg.backends.c.runtime import room_of_solid
+from teg.backends.c.text import indent, literal, packed
+from teg.numerics.quadrature import tetrahedron_rule
+from teg.program import Arg, Polyhedron
+
+TOGETHER = 32
+"""Nodes that are computed before the next tetrahedra, about."""
+FACES = 6
+"""Of a box."""
+
+
+def polyhedron_lanes(degree: int) -> int:
+    """Returns the number of nodes of a polyhedron that are computed side by side."""
+    return LANES if degree > 1 else 1
+
+
+def polyhedron(stmt: Polyhedron, frame: Frame, distinct: Sequence[Arg], lanes: int, counted: bool) -> list[str]:
+    """Returns the inside of a polyhedron's routine."""
+    scope = frame.scope()
+    n, count = len(stmt.half_spaces), len(stmt.results)
+    room = room_of_solid(n)
+    spaces = packed((f"{{{', '.join(map(scope, (*g.slopes, g.offset)))}, {int(g.closed)}}}" for g in stmt.half_spaces), "", ", ", ",")
+    kind, width = (f"teg_lanes_{lanes}", f"(int)(sizeof(teg_lanes_{lanes}) / sizeof(double))") if lanes > 1 else ("double", "1")
+    before, loop = _nodes(stmt.degree, FACES + n)
+    return [
+        f"const teg_half_space spaces[{n}] = {{",
+        *indent(*spaces),
+        "};",
+        f"const double extents[3] = {{{', '.join(map(scope, stmt.extents))}}};",
+        f"double px[{room}], py[{room}], pz[{room}];",
+        f"teg_solid_edge edges[{room}];",
+        "teg_solid solid = {0, 0, px, py, pz, edges};",
+        f"const int left = teg_polyhedron(&solid, {n}, spaces, extents);",
+        "if (left <= 0) {",
+        *indent(*leave(count, "left ? NAN : 0.0")),
+        "}",
+        *frame.block(0),
+        *before,
+        f"{kind} s[{len(distinct)}] = {{{{0.0}}}};" if lanes > 1 else f"double s[{len(distinct)}] = {{0.0}};",
+        *loop,
+        *indent(
+            *(["ctx->evaluations += nodes;"] if counted else []),
+            f"for (int k = 0; k < nodes; k += {width}) {{",
+            *indent(
+                *(
+                    f"const {kind} {name} = *(const {kind} *)({array} + k);"
+                    for name, array in (*((name, f"at_{name}") for name in "xyz"), ("weight", "weights"))
+                ),
+                " ".join(f"(void){name};" for name in "xyz"),
+                *in_lanes(frame.block(1), lanes),
+            ),
+            "}",
+        ),
+        "}",
+        *totals(stmt, distinct, scope, lanes),
+    ]
+
+
+def _nodes(degree: int, faces: int) -> tuple[list[str], list[str]]:
+    """Returns lines before the loop over some nodes after others, and its first lines."""
+    if degree <= 1:
+        place = "teg_centroid" if degree else "teg_volume"
+        one = "const double at_x[1] = {at[0]}, at_y[1] = {at[1]}, at_z[1] = {at[2]}, weights[1] = {volume};"
+        return ["double at[3];", f"const double volume = {place}(&solid, {faces}, at);", one, "const int nodes = 1;"], ["{"]
+    count = len(tetrahedron_rule(degree))
+    most = max(1, TOGETHER // count)
+    room = -(-most * count // LANES) * LANES
+    before = [
+        "double middle[3], of_face[TEG_SOLID_FACES][3];",
+        f"teg_middles(&solid, {faces}, middle, of_face);",
+        f"double {', '.join(f'{name}[{room}]' for name in ('at_x', 'at_y', 'at_z', 'weights'))};",
+    ]
+    given = f"&solid, first, {most}, middle, (const double (*)[3])of_face, {count}, teg_tetrahedra_{degree}, at_x, at_y, at_z, weights"
+    return before, [
+        f"for (int first = 0; first < 2 * left; first += {most}) {{",
+        *indent(f"const int nodes = teg_tetrahedra({given});"),
+    ]
+
+
+def tetrahedron_table(degree: int) -> str:
+    """Returns the rule on a tetrahedron as a constant."""
+    rule = tetrahedron_rule(degree)
+    rows = [f"{{{', '.join(map(literal, node))}}}," for node in rule]
+    return "\n".join([f"static const double teg_tetrahedra_{degree}[{len(rule)}][4] = {{", *indent(*rows), "};"])

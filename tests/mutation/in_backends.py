@@ -1,0 +1,108 @@
+"""Single wrong changes of backends."""
+
+from __future__ import annotations
+
+from tests.mutation.mutant import JAX, Mutant, mutants
+
+RANGES = "tests/backends/c/test_ranges.py"
+CELLS = "tests/backends/c/test_cells.py"
+KEPT = "tests/backends/c/test_kept_cells.py"
+ENVELOPE = "tests/backends/c/test_envelope.py"
+SIDE_BY_SIDE = "tests/backends/numpy/test_side_by_side.py"
+KERNEL_IN_JAX = "tests/backends/jax/test_kernel.py"
+
+IN_BACKENDS: tuple[Mutant, ...] = (
+    *mutants(
+        "backends/c/ranges.py",
+        (RANGES,),
+        ("a number that falls", "return _sum([args[0], args[1].times(-1.0)])", "return _sum(args)"),
+        ("sizes along rows", "return _Bend(True, False, False) if", "return _Bend(True, True, False) if"),
+        (
+            "either of two conditions",
+            "{h: None for h in moving[0].heights if all(h in p.heights for p in moving)}",
+            "dict(moving[0].heights)",
+        ),
+    ),
+    *mutants(
+        "backends/c/spans.py",
+        (RANGES, "tests/backends/c/test_pixels.py"),
+        ("the last live iteration", "stop = floor(stop) + 1.0", "stop = floor(stop)"),
+        ("the first covered iteration", "since = floor(since) + 1.0", "since = floor(since) - 1.0"),
+    ),
+    Mutant(
+        "two borders in one line",
+        "backends/c/spans.py",
+        "crossing == 1.0 ? alone",
+        "crossing >= 1.0 ? alone",
+        ("tests/backends/c/test_pixels.py",),
+        "the straight line of one half-plane is good only where the others hold; other points are computed as they are",
+    ),
+    *mutants(
+        "backends/c/cells.py",
+        (CELLS, ENVELOPE, KEPT),
+        ("moments of a square", "literal(1.0 / ((u + 1) * (v + 1)))", "literal(1.0 / (u + v + 1))"),
+        ("cells that are intervals", "not shape.order and all(step.values[j] == 0.0 for j in of_second)", "not shape.order"),
+        ("candidates without edges", '{spelled(cells.lo)}] == 1"', '{spelled(cells.lo)}] >= 1"'),
+    ),
+    *mutants(
+        "backends/c/crossed.py",
+        ("tests/backends/c/test_crossed.py",),
+        ("where a part begins", "start = w.select(rises, w.upper(start, root), start)", "start = w.select(rises, root, start)"),
+        ("which boxes are run", "w.positive(w.sub(larger, size))", "w.positive(w.add(larger, size))"),
+        ("half of a side", "extent = length if line.tied is False else w.select(line.tied, half, length)", "extent = length"),
+    ),
+    *mutants(
+        "backends/c/runtime/cells.h",
+        (CELLS, KEPT),
+        ("mean of two squares", "for (size_t k = 0; k < size; k++) tables[k] *= 0.5;", ""),
+        ("the first of equal keys", "key < *least", "key <= *least"),
+        ("a corner that moves", "p[i] = (s * two->b - one->b * t) / across", "p[i] = (s * two->b + one->b * t) / across"),
+        ("bound of an integrand", "size += fabs(own[j])", "size += own[j]"),
+    ),
+    *mutants(
+        "backends/c/runtime/envelope.h",
+        (ENVELOPE,),
+        ("jump between two intervals", "jump /= key->rate - key[1].rate;", "jump /= key[1].rate - key->rate;"),
+        ("present on a part of an interval", "if (!(most < -margin && least > -INFINITY)) return -1;", ""),
+        ("moments of an interval", "powers = powers * to + power;", "powers = powers * to;"),
+    ),
+    *mutants(
+        "backends/numpy/key_edges.py",
+        ("tests/backends/numpy/test_key_edges.py",),
+        ("a key that is less beyond", "<= tolerance) & (slope > flat)", "<= tolerance)"),
+    ),
+    *mutants(
+        "backends/numpy/side_by_side.py",
+        (SIDE_BY_SIDE,),
+        ("points of a later block", "left.append(start + self._computed(", "left.append(self._computed("),
+        ("points that are not good", "chosen[~np.broadcast_to(good, chosen.shape)]", "chosen[:0]"),
+        ("points with results", "row[chosen] = output", "row[: len(chosen)] = output"),
+    ),
+    *mutants(
+        "backends/jax/adaptive.py",
+        (KERNEL_IN_JAX, JAX),
+        ("intervals that are halved", "sums=jnp.where(done, at.sums + total, at.sums)", "sums=at.sums + total"),
+        ("the next interval", "width=jnp.where(done, start & -start, halved)", "width=jnp.where(done, at.width, halved)"),
+    ),
+    *mutants(
+        "backends/jax/while_loops.py",
+        ("tests/backends/jax/test_while_loops.py",),
+        ("a batch that goes on", "[jnp.any(conditions(*v))]", "[jnp.all(conditions(*v))]"),
+        ("elements at their end", "[lax.select(*three) for three in zip(which, found, carried, strict=True)]", "found"),
+    ),
+    *mutants(
+        "backends/jax/entries.py",
+        ("tests/backends/jax/test_entries.py",),
+        ("places in an array", " and other.place == first.place + distance", ""),
+    ),
+    *mutants(
+        "backends/jax/corners.py",
+        ("tests/backends/jax/test_corners.py",),
+        ("corners between two that are cut off", "found = upwards | downwards", "found = upwards"),
+    ),
+    *mutants(
+        "backends/jax/cells.py",
+        ("tests/backends/jax/test_cells.py",),
+        ("the row behind the last candidate", "behind = jnp.arange(most + 1) == counts[:, None]", "behind = jnp.arange(most + 1) == most"),
+    ),
+)

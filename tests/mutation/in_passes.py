@@ -1,0 +1,148 @@
+"""Single wrong changes of analyses, passes and numbers."""
+
+from __future__ import annotations
+
+from tests.mutation.mutant import Mutant, mutants
+
+STEPS = "tests/passes/normalise/test_steps.py"
+GUARDED = "tests/passes/lower/test_guarded.py"
+CHOICES = "tests/ir/test_choices.py"
+QUADRATURE = "tests/numerics/test_quadrature.py"
+ADJOINTS = "tests/passes/intrinsics/test_adjoints.py"
+
+IN_PASSES: tuple[Mutant, ...] = (
+    *mutants(
+        "teg/analysis/staircase.py",
+        (STEPS,),
+        ("last step of a staircase", "last = math.ceil(highest) - 1 if", "last = math.ceil(highest) - 2 if"),
+        (
+            "halves go to the even side",
+            "where(disjunction(positive(over), conjunction(positive(over, strict=False), odd)), add",
+            "where(positive(over, strict=False), add",
+        ),
+        ("more steps than are counted", "guard = positive(sub(add(base, const(float(count))), most))", "guard = TRUE"),
+        ("size of a sum", "size = math.fsum(parts)", "size = max(parts)"),
+    ),
+    *mutants(
+        "teg/analysis/sharp.py",
+        (GUARDED,),
+        (
+            "extent of an inner integral",
+            "return mul(sub(high, low), size_of(node.body, Enclosure({**box, node.var: (low, high)})))",
+            "return ZERO",
+        ),
+        ("narrow functions that are tame", "<= math.log(UNSEEN)", "<= 1e9 * math.log(UNSEEN)"),
+        ("steps that are narrow", 'case "tanh":', 'case "no tanh":'),
+    ),
+    *mutants(
+        "teg/analysis/endless.py",
+        (GUARDED, "tests/end_to_end/test_infinite_ranges.py"),
+        (
+            "bound of a function that falls",
+            "hi = where(self.endless_right, where(falls, at_left, natural[1])",
+            "hi = where(self.endless_right, where(rises, at_left, natural[1])",
+        ),
+    ),
+    *mutants(
+        "teg/analysis/limits.py",
+        ("tests/analysis/test_limits.py",),
+        (
+            "denominator of a limit",
+            "return mul(*others, numerator, integer_power(denominator, -1)) if n else node",
+            "return mul(*others, numerator) if n else node",
+        ),
+        ("order of a zero", "                return n, e\n", "                return 1, e\n"),
+    ),
+    *mutants(
+        "teg/passes/normalise/quotients.py",
+        ("tests/passes/normalise/test_quotients.py",),
+        ("factors of a branch", "mul(*others, kink.otherwise))", "kink.otherwise)"),
+    ),
+    *mutants(
+        "teg/passes/normalise/runs.py",
+        ("tests/passes/normalise/test_runs.py",),
+        ("the last run", 'index_call("sub", cast(Index, Length.make((runs.starts, 0), ())), index_const(1))', "index_const(1)"),
+        ("entries that are no runs", "        if _entry(g, old.index) in entries\n", "        if _entry(g, old.index) is not None\n"),
+    ),
+    *mutants(
+        "teg/passes/normalise/partitions.py",
+        (CHOICES, "tests/end_to_end/test_nearest_scenes.py"),
+        ("a guard that is negated", "g = mul(MINUS_ONE, compare.g) if negated else compare.g", "g = compare.g"),
+        ("coefficients of Taylor", "const(1.0 / (math.factorial(i) * math.factorial(j)))", "ONE"),
+        ("guards left over", "numbers += [ONE, ZERO, ZERO] * (guards", "numbers += [MINUS_ONE, ZERO, ZERO] * (guards"),
+    ),
+    *mutants(
+        "teg/passes/normalise/finite_bounds.py",
+        ("tests/passes/eliminate/test_endless.py",),
+        ("surfaces in new variables", "        charted.update(more)\n", ""),
+    ),
+    *mutants(
+        "teg/passes/differentiate/missed_cuts.py",
+        ("tests/passes/differentiate/test_missed_cuts.py",),
+        ("side of a cut", "positive(mul(MINUS_ONE, left)))", "positive(left))"),
+        ("ranges that are not known", "        return TRUE\n    return conjunction(", "        return FALSE\n    return conjunction("),
+    ),
+    *mutants(
+        "teg/passes/eliminate/implicit.py",
+        ("tests/passes/eliminate/test_implicit.py",),
+        ("inside of moving bounds", "inside = signed_inside(b.var, b.lo, b.hi, g, b, inside)", "pass"),
+        ("a surface at its birth", "return add(g, where(critical.inside, sub(moved, critical.value), ZERO))", "return g"),
+    ),
+    *mutants(
+        "teg/passes/intrinsics/pole/match.py",
+        ("tests/backends/test_poles.py",),
+        ("zero of a denominator", "at = divided(-linear.get((0,), 0), linear[1,])", "at = divided(linear.get((0,), 0), linear[1,])"),
+    ),
+    *mutants(
+        "teg/passes/intrinsics/hyperbola/lowering.py",
+        ("tests/backends/test_hyperbola.py",),
+        ("area of a box", 'total if area == 1.0 or not mine else self.out.assign(home, "mul", total, area)', "total"),
+    ),
+    *mutants(
+        "teg/passes/intrinsics/ellipse/match.py",
+        ("tests/backends/test_intrinsics.py",),
+        ("inside of an ellipse", "*((above, below) if curve.sign > 0.0 else (below, above)))", "*(above, below))"),
+    ),
+    *mutants(
+        "teg/passes/intrinsics/polygon/adjoints.py",
+        (ADJOINTS,),
+        ("factor of a moment", "new = self.steady.mul(c, factor)", "new = c"),
+    ),
+    *mutants(
+        "teg/passes/intrinsics/polygon/polynomials.py",
+        (ADJOINTS,),
+        ("power of a derivative", "(a + k * b) % P for a, b in zip(given", "(a + b) % P for a, b in zip(given"),
+    ),
+    *mutants(
+        "teg/numerics/moments.py",
+        ("tests/numerics/test_moments.py",),
+        ("sign of an odd moment", "tuple(-a for a in moment(k, 0)) if k % 2 else moment(k, 0)", "moment(k, 0)"),
+    ),
+    *mutants(
+        "teg/numerics/quadrature.py",
+        (QUADRATURE,),
+        ("norm of a null rule", "norm = math.sqrt(degree + 0.5)", "norm = 1.0"),
+        ("series of a pole", "math.comb(power - 1 + i, i) * 2.0", "2.0"),
+    ),
+    *mutants(
+        "teg/numerics/measured.py",
+        ("tests/numerics/test_cell_integrals.py", "tests/backends/c/test_cells.py"),
+        ("a line that turns", "stretch -= line.unit[1] * turning[1] + line.unit[2] * turning[2]", "pass"),
+        ("an area that grows", "growth = 0.5 * (e * d + a * h - g * b - c * f)", "growth = 0.5 * (e * d + a * h)"),
+    ),
+    *mutants(
+        "teg/numerics/key_edges.py",
+        ("tests/numerics/test_key_edges.py",),
+        ("the key that is less beyond", "slope > steepest + arrangement.flat", "slope < steepest + arrangement.flat"),
+    ),
+    *mutants(
+        "teg/numerics/arcs.py",
+        ("tests/numerics/test_arcs.py",),
+        ("the longest arc", "return 2.0 * wave / max(degree, 1)", "return 4.0 * wave / max(degree, 1)"),
+    ),
+    *mutants(
+        "teg/numerics/error_function.py",
+        ("tests/numerics/test_error_function.py",),
+        ("erf is odd", "return -inverse_erf(-c)", "return inverse_erf(-c)"),
+    ),
+)

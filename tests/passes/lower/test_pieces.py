@@ -1,0 +1,62 @@
+"""Pieces: features that are narrower than the rounding of places are integrated in closed form, or told of."""
+
+from __future__ import annotations
+
+import math
+import warnings
+
+import mpmath
+import pytest
+
+import teg
+from teg.ir.expr import Expr
+
+x, y = teg.vars("x y")
+t, k = teg.params("t k")
+LINE = (x, -math.inf, math.inf)
+UNIT = (x, 0.0, 1.0)
+CAUCHY = k / (1 + (k * (x - t)) ** 2)
+GAUSS = k * teg.exp(-((k * (x - t)) ** 2))
+SECH = k / teg.cosh(k * (x - t))
+ROOT_PI = math.sqrt(math.pi)
+BACKENDS = ("c", "numpy")
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("width", [1e-150, 1e-25, 1e-17, 1e-3, 1.0, 1e130])
+def test_gaussians_are_right_however_narrow(width: float, backend: str) -> None:
+    for ranges, expected in ((LINE, ROOT_PI), ((x, t, math.inf), ROOT_PI / 2)):
+        f = teg.compile(teg.integral(GAUSS, ranges), [], backend=backend)
+        value, error = f.value_and_error(t=0.3, k=1 / width)
+        assert f(t=0.3, k=1 / width) == pytest.approx(expected, rel=1e-13)
+        assert abs(value - expected) <= error <= 1e-11
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize(
+    ("program", "steepness"),
+    [
+        (teg.integral(e, r), steep)
+        for e in (CAUCHY, CAUCHY**2, SECH, k / (1 + (k * (x - t)) ** 2) ** 1.5)
+        for r in (LINE, UNIT)
+        for steep in (1e20, 1e160, 1e300)
+    ]
+    + [(teg.integral(teg.cos(x) * GAUSS, r), steep) for r in (LINE, UNIT) for steep in (1e18, 1e25, 1e140)]
+    + [(teg.integral(GAUSS, LINE), 1e-150), (teg.integral(t / (t * t / k + k * (x - 1) ** 2), LINE), 1e160)],
+)
+def test_features_that_places_cannot_tell_apart_warn(program: Expr, steepness: float, backend: str) -> None:
+    f = teg.compile(program, [], backend=backend)
+    with pytest.warns(teg.AccuracyWarning):
+        f(t=0.3, k=steepness)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("steepness", [1e6, 1e8, 1e10])
+@pytest.mark.parametrize(("e", "over_line"), [(CAUCHY, mpmath.pi), (SECH, mpmath.pi)])
+def test_estimates_hold_the_rounding_of_places(e: Expr, over_line: object, steepness: float, backend: str) -> None:
+    for place in (0.3, 1.1, 777.7):
+        f = teg.compile(teg.integral(e, LINE), [], backend=backend)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", teg.AccuracyWarning)
+            value, error = f.value_and_error(t=place, k=steepness)
+        assert abs(value - float(over_line)) <= error  # type: ignore[arg-type]
