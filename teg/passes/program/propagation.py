@@ -15,6 +15,8 @@ from teg.program.operations import letter_of
 
 STEEP = ("div", "powi", "pow", "log", "log1p", "sqrt", "asin", "acos", "tan", "atan2")
 """Operations whose slope can be infinite."""
+LARGEST = 1.7e308
+"""Larger numbers are infinite."""
 Errors = dict[Arg, Arg]
 """By name: the error of a number (0.0 if it is not there), or whether a condition is doubtful (False if it is not there)."""
 Functions = dict[tuple[object, tuple[int, ...]], int]
@@ -106,11 +108,12 @@ class Propagation:
             case "mul":
                 return self._of_product(args, errors, out)
             case "div":
-                quotient = self.times(out, result, errors[1])
+                quotient = self._unless_endless(args[1], self.times(out, result, errors[1]), out)
                 return o("div", self.sum_of((errors[0], quotient), out), o("abs", args[1]))
             case "powi":
                 n = int(args[1])
-                return self.times(out, o("mul", float(n), o("powi", args[0], n - 1)), errors[0])
+                error = self.times(out, o("mul", float(n), o("powi", args[0], n - 1)), errors[0])
+                return self._unless_endless(args[0], error, out) if n < 0 else error
             case "pow":
                 relative: Arg = 0.0 if errors[0] == 0.0 else o("div", errors[0], o("abs", args[0]))  # result/base may be infinite beside 0
                 by_base = self.times(out, o("mul", args[1], result), relative)
@@ -149,6 +152,13 @@ class Propagation:
                 return self._of_call(args, errors, out)
             case _:
                 raise AssertionError(f"no error estimate for {op}")
+
+    def _unless_endless(self, divisor: Arg, error: Arg, out: list[Stmt]) -> Arg:
+        """Returns the error of a quotient that comes from its divisor: 0 where that is infinite, as cosh(u) far away is with its error."""
+        if error == 0.0:
+            return 0.0
+        endless = self.op(out, "gt0", self.op(out, "sub", self.op(out, "abs", divisor), LARGEST))
+        return self.op(out, "select", endless, 0.0, error)
 
     def _of_call(self, args: Sequence[Arg], errors: Sequence[Arg], out: list[Stmt]) -> Arg:
         """Returns the error of a function: input by input, by its derivatives."""
