@@ -18,8 +18,9 @@ from functools import partial
 from itertools import count
 
 from teg.backends.c.frame import Scope, Step, assignments
-from teg.backends.c.lanes import BRANCHLESS as BRANCHLESS_IN_LANES
-from teg.backends.c.lanes import SELECTIONS, as_products, values_in_lanes
+from teg.backends.c.lane_functions import BRANCHLESS as BRANCHLESS_IN_LANES
+from teg.backends.c.lane_functions import SELECTIONS, values_in_lanes
+from teg.backends.c.lanes import as_products
 from teg.backends.c.text import identifiers, indent, packed
 from teg.backends.lazily import COSTS, with_lazy_choices
 from teg.program import Adaptive, Arg, Assign, Gauss, Integrate, Program

@@ -12,7 +12,8 @@ from __future__ import annotations
 from collections.abc import Container
 from typing import NamedTuple
 
-from teg.backends.c.lanes import SIDE, signature
+from teg.backends.c.lane_functions import signature
+from teg.backends.c.lanes import SIDE
 from teg.backends.c.ranges import Narrowing
 from teg.backends.c.steps import place_of
 from teg.backends.c.text import TRUTH, indent, wrapped

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from teg.backends.c.crossed import BRANCHLESS, SIDE, TOGETHER, Crossed, Item, Nodes, defines, reads
 from teg.backends.c.frame import Frame, Scope, Spelling, Step, assignments
-from teg.backends.c.lanes import SELECTIONS
+from teg.backends.c.lane_functions import SELECTIONS
 from teg.backends.c.regrouped import alike, regrouped
 from teg.backends.c.text import TRUTH, indent, literal
 from teg.backends.c.text import packed as in_few_lines

@@ -12,7 +12,8 @@ from typing import NamedTuple, Protocol
 
 from teg.backends.c.crossed import Crossed, crossed, lines_apart
 from teg.backends.c.frame import Routine
-from teg.backends.c.lanes import SIDE, Packed, decision, packed, signature, straight, used_inputs
+from teg.backends.c.lane_functions import decision, signature, straight, used_inputs
+from teg.backends.c.lanes import SIDE, Packed, packed
 from teg.backends.c.ranges import Narrowing, function, narrowing
 from teg.backends.c.stages import functions, results, totals
 from teg.backends.c.text import TRUTH, indent, wrapped

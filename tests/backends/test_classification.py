@@ -19,7 +19,7 @@ from teg.ir.expr import Param
 from teg.program import Polygon, Segment, When, statements
 from tests.bench.scenes import picture, triangle_pixel
 
-pytestmark = [pytest.mark.usefixtures("derived_once"), pytest.mark.filterwarnings("error")]
+pytestmark = [pytest.mark.filterwarnings("error")]
 
 Corners = tuple[float, float, float, float, float, float]
 UNIT = (0.0, 1.0, 0.0, 1.0)

@@ -20,7 +20,7 @@ from tests.backends.c_checks import any_number_of_threads_gives_the_same, behavi
 from tests.backends.ellipse_moments import ASKED, BACKENDS, LEANS, LONG, ROUND, Matrix, Place, exact, kernels, needs_c
 from tests.backends.programs import Case, Row, columns, expected, program
 
-pytestmark = pytest.mark.usefixtures("x64", "derived_once")
+pytestmark = pytest.mark.usefixtures("x64")
 
 
 ROWS: list[Place] = [

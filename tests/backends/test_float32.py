@@ -16,8 +16,6 @@ import teg
 from teg.errors import AccuracyError, OptionError
 from tests.references import REFERENCES, Reference
 
-pytestmark = pytest.mark.usefixtures("derived_once")
-
 COMPILER = pytest.mark.skipif(not any(map(shutil.which, ("cc", "gcc", "clang"))), reason="needs a C compiler")
 BACKENDS = ["numpy", pytest.param("c", marks=COMPILER), pytest.param("jax", marks=pytest.mark.slow)]
 x, y = teg.vars("x y")

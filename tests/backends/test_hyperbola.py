@@ -34,7 +34,7 @@ from tests.bench.scenes import bilinear_pixel
 needs_c = in_c[0]
 jax_is_slow = pytest.mark.slow  # to compile
 BACKENDS = ["numpy", pytest.param("c", marks=needs_c), pytest.param("jax", marks=jax_is_slow)]
-pytestmark = pytest.mark.usefixtures("x64", "derived_once")
+pytestmark = pytest.mark.usefixtures("x64")
 
 POWERS = [(0, 0), (1, 0), (0, 1), (1, 1), (2, 1), (2, 2)]
 BORDERS = [*POWERS, (0, 3), (3, 2), (3, 3)]

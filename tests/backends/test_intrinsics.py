@@ -22,7 +22,7 @@ from tests.backends import test_hyperbola as hyperbolas
 from tests.backends import test_polygon as polygons
 from tests.bench.scenes import bilinear_pixel, triangle_pixel
 
-pytestmark = [pytest.mark.usefixtures("one_cache", "derived_once"), pytest.mark.filterwarnings("error")]
+pytestmark = [pytest.mark.usefixtures("one_cache"), pytest.mark.filterwarnings("error")]
 needs_c = pytest.mark.skipif(not any(map(shutil.which, ("cc", "gcc", "clang"))), reason="needs a C compiler")
 x, y = teg.vars("x y")
 a, b, t = teg.params("a b t")

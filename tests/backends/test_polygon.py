@@ -15,8 +15,6 @@ from teg import Expr
 from teg.ir.expr import Param
 from tests.bench.scenes import triangle_pixel
 
-pytestmark = pytest.mark.usefixtures("derived_once")
-
 x, y = teg.vars("x y")
 BACKENDS = ("numpy", "c")
 KINDS = json.loads((Path(__file__).parent / "triangle_kinds.json").read_text(encoding="utf-8"))

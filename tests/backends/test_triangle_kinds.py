@@ -14,7 +14,7 @@ from tests.bench.scenes import triangle_pixel
 
 pytestmark = [
     pytest.mark.skipif(not any(map(shutil.which, ("cc", "gcc", "clang"))), reason="needs a C compiler"),
-    pytest.mark.usefixtures("as_users_compile", "derived_once"),
+    pytest.mark.usefixtures("as_users_compile"),
 ]
 
 ALLOWED = {"thin 1e-6": 1e-10}

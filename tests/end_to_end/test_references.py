@@ -11,7 +11,6 @@ import teg
 from teg.backends.c import kernel
 from tests.references import REFERENCES, Reference
 
-pytestmark = pytest.mark.usefixtures("derived_once")
 KNOWN = REFERENCES
 JAX_FAST = (
     "step",

@@ -110,7 +110,6 @@ ELSEWHERE = {
         "choices": "tests/ir/test_choices.py",
         "extremes": "tests/end_to_end/test_alike_terms.py",
         "inline": "tests/ir/test_function.py",
-        "partitions": "tests/ir/test_choices.py",
         "rows": "tests/end_to_end/test_alike_terms.py",
     },
     "teg/passes/program": {
@@ -154,6 +153,7 @@ ELSEWHERE = {
         "iterations": "tests/backends/c/test_pixels.py",
         "printer": "tests/backends/c/test_kernel.py",
         "integrals": "tests/backends/c/test_kernel.py",
+        "lane_functions": "tests/backends/c/test_lanes.py",
         "routines": "tests/backends/c/test_kernel.py",
         "unit": "tests/backends/c/test_kernel.py",
         "quadrature": "tests/backends/c/test_kernel.py",

@@ -64,8 +64,7 @@ class Propagation:
         if not any(isinstance(a, str) and a in self.errors for a in args):
             return
         if op in ("and", "or", "not"):
-            doubts = [d for d in map(self._doubt, args) if d is not False]
-            self.errors[stmt.name] = doubts[0] if len(doubts) == 1 else self.op(out, "or", *doubts)
+            self.errors[stmt.name] = self._doubt_of(stmt, out)
         elif op in ("gt0", "ge0", "lt0", "le0", "tie"):
             error = self.error(args[0])
             if error != 0.0:
@@ -78,6 +77,21 @@ class Propagation:
                 error = self.op(out, "select", exact, 0.0, error)
             if error != 0.0:
                 self.errors[stmt.name] = error
+
+    def _doubt_of(self, stmt: Assign, out: list[Stmt]) -> Arg:
+        """Returns whether a condition is doubtful: an argument is, and no other one decides it without a doubt."""
+        doubts = {a: d for a in stmt.args if (d := self._doubt(a)) is not False}
+        doubtful = self._any(list(doubts.values()), out)
+        if len(stmt.args) == 1:
+            return doubtful
+        deciding: list[Arg] = []
+        for a in stmt.args:
+            decides = a if stmt.op == "or" else self.op(out, "not", a)
+            deciding.append(self.op(out, "and", decides, self.op(out, "not", doubts[a])) if a in doubts else decides)
+        return self.op(out, "and", doubtful, self.op(out, "not", self._any(deciding, out)))
+
+    def _any(self, conditions: list[Arg], out: list[Stmt]) -> Arg:
+        return conditions[0] if len(conditions) == 1 else self.op(out, "or", *conditions)
 
     def _of_number(self, stmt: Assign, out: list[Stmt]) -> Arg:
         op, args, result = stmt.op, stmt.args, stmt.name

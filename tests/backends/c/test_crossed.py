@@ -19,7 +19,7 @@ from teg.program import Assign, Program
 from tests.backends.c_checks import in_c
 from tests.bench.scenes import bilinear_pixel, half_planes, triangle_pixel
 
-pytestmark = [*in_c, pytest.mark.usefixtures("as_users_compile", "derived_once"), pytest.mark.filterwarnings("error")]
+pytestmark = [*in_c, pytest.mark.usefixtures("as_users_compile"), pytest.mark.filterwarnings("error")]
 
 Array = npt.NDArray[np.float64]
 x, y = teg.vars("x y")

@@ -17,8 +17,6 @@ from teg.passes.differentiate.estimators.nests import Cube, cubes_of
 from teg.passes.differentiate.estimators.warp import known_field, velocity
 from teg.pipeline import ESTIMATORS, normal_form
 
-pytestmark = pytest.mark.usefixtures("derived_once")
-
 x, y, z = teg.vars("x y z")
 t, a = teg.params("t a")
 SAMPLES = 2**14

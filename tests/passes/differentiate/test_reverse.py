@@ -14,8 +14,6 @@ from teg.passes.differentiate.reverse import gradient_of
 from teg.pipeline import normal_form
 from tests.references import Reference, untagged
 
-pytestmark = pytest.mark.usefixtures("derived_once")
-
 x, y, z = teg.vars("x y z")
 t, a, b = teg.params("t a b")
 

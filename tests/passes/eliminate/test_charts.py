@@ -12,8 +12,6 @@ from teg.passes.eliminate.bilinear import Bilinear, match_bilinear
 from teg.passes.eliminate.crossings import Curve, match_curve
 from tests.passes.eliminate.differences import second_differences
 
-pytestmark = pytest.mark.usefixtures("derived_once")
-
 x, y = teg.vars("x y")
 t, a, b, c, k, p, q = teg.params("t a b c k p q")
 SQUARE = ((x, -1, 1), (y, -1, 1))

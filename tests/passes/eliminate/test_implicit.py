@@ -19,8 +19,6 @@ from teg.passes.eliminate.implicit import Implicit, match_implicit
 from teg.passes.normalise.canonicalise import canonicalise
 from tests.passes.eliminate.differences import second_differences
 
-pytestmark = pytest.mark.usefixtures("derived_once")
-
 x, y, z = teg.vars("x y z")
 t, a, b, r = teg.params("t a b r")
 SQUARE = ((x, -1, 1), (y, -1, 1))

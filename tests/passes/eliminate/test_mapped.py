@@ -16,8 +16,6 @@ from teg.maps.diffeomorphism import Diffeomorphism
 from teg.passes.eliminate.families import FAMILIES, families_with, find_family
 from teg.passes.eliminate.mapped import Mapped
 
-pytestmark = pytest.mark.usefixtures("derived_once")
-
 x, y, z, r, p, q, u, v, w = teg.vars("x y z r p q u v w")
 a, b, c, h, k, t = teg.params("a b c h k t")
 TURN = (-math.pi, math.pi)

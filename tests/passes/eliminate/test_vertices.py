@@ -15,8 +15,6 @@ from teg.passes.eliminate.vertices import match_side, match_triangle
 from teg.program import Polygon, Segment, statements
 from tests.bench.scenes import half_planes, triangle_pixel
 
-pytestmark = pytest.mark.usefixtures("derived_once")
-
 x, y = teg.vars("x y")
 PX, PY = teg.params("x0 x1 x2 x3"), teg.params("y0 y1 y2 y3")
 K, M = teg.params("k m")

@@ -19,7 +19,7 @@ from teg.program.interpreter import interpret_arrays
 from teg.program.residues import residue_of
 from tests.backends.c_checks import in_c
 
-pytestmark = [*in_c, pytest.mark.usefixtures("derived_once"), pytest.mark.filterwarnings("error")]
+pytestmark = [*in_c, pytest.mark.filterwarnings("error")]
 
 x, y = teg.vars("x y")
 SIZE = 24

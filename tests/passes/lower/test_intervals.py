@@ -11,8 +11,6 @@ import pytest
 import teg
 from teg.program import Integrate, statements
 
-pytestmark = pytest.mark.usefixtures("derived_once")
-
 x = teg.var("x")
 s, t, a, m, k, lo, hi = teg.params("s t a m k lo hi")
 BELL = teg.exp(-(x**2) / 2) / math.sqrt(2 * math.pi)

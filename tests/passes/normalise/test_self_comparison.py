@@ -20,7 +20,7 @@ from teg.ir.expr import Compare
 from teg.ir.node import postorder
 from teg.passes.normalise.self_comparison import without_self_comparisons
 
-pytestmark = pytest.mark.usefixtures("x64_for_jax", "derived_once")
+pytestmark = pytest.mark.usefixtures("x64_for_jax")
 
 x, y = teg.vars("x y")
 L, H, Z, S, C = (teg.array(name, 1) for name in "LHZSC")
