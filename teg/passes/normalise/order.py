@@ -33,13 +33,16 @@ def _visit(_: Node, outer: Node) -> Node:
     if not isinstance(outer, Integral):
         return outer
     factors = outer.body.children if isinstance(outer.body, Mul) else (outer.body,)
-    (inner, *more) = [f for f in factors if isinstance(f, Integral)] or [None]
-    if inner is None or more or not is_unbounded(inner) or outer.var in inner.lo.free | inner.hi.free:
+    inside = [f for f in factors if isinstance(f, Integral)]
+    if len(inside) != 1:
+        return outer
+    (inner,) = inside
+    if not is_unbounded(inner) or outer.var in inner.lo.free | inner.hi.free:
         return outer
     atoms = [a.g for a in atoms_of(inner.body, inner.var) if outer.var in a.g.free]
     if not any(_has_waves(g, inner.var) for g in atoms) or not all(_is_graph(g, outer.var) for g in atoms):
         return outer
-    others = [cast(Expr, f) for f in factors if f is not inner]
+    others = [f for f in factors if f is not inner]
     return integral_over(integral_over(mul(*others, inner.body), outer.var, outer.lo, outer.hi), inner.var, inner.lo, inner.hi)
 
 
