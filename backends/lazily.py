@@ -2,10 +2,10 @@
 
     u = exp(x);  v = …u…;  r = b ? v : w        →        when b: u = exp(x);  v = …u…   r = b ? v : w
 
-A value is needed under the conditions of all choices through which its every use goes. The condition that covers the most work becomes a
-`When` around what needs it, and the rest of the block and the inside of the branch are looked at again. Each statement is moved at most
-once at every depth and none is copied; ties stay where they are. For backends that compute one point at a time. Cost: a visit a
-statement for each branch.
+A value is needed under the conditions of all choices, and of all statements with conditions, through which its every use goes. The
+condition that covers the most work becomes a `When` around what needs it, and the rest of the block and the inside of the branch are looked
+at again. Each statement is moved at most once at every depth and none is copied; ties stay where they are, unless they are known to be none
+elsewhere. For backends that compute one point at a time. Cost: a visit a statement for each branch.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ COSTS = {
 LEAST = 24
 """A branch that is not taken saves so much, or is not made."""
 DEEPEST, MOST_BRANCHES = 4, 24
-MOST = 4000
+MOST = 10_000
 """Statements of a block that is looked at."""
 
 Literal = tuple[str, bool]
@@ -37,15 +37,15 @@ def with_lazy_choices(program: Program) -> Program:
     if len(program.body) > MOST or not any(isinstance(s, Assign) and s.op == "select" for s in program.body):
         return program
     numbers = unused_numbers(n for s in statements(program.body) for n in assigned(s))
-    body = _lazy(list(program.body), program.outputs, numbers, DEEPEST)
+    body = _lazy(list(program.body), program.outputs, numbers, ())
     return replace(program, body=tuple(body))
 
 
-def _lazy(block: list[Stmt], outputs: Iterable[Arg], numbers: Iterator[int], depth: int) -> list[Stmt]:
-    """Returns a block with branches, `depth` inside of each other at most."""
+def _lazy(block: list[Stmt], outputs: Iterable[Arg], numbers: Iterator[int], known: tuple[Literal, ...]) -> list[Stmt]:
+    """Returns a block with branches, inside of those of the conditions that are known."""
     wanted = set(outputs)
-    tried: set[Literal] = set()
-    while depth:
+    tried = set(known)
+    while len(known) < DEEPEST:
         needs = _needs(block, wanted)
         work: dict[Literal, int] = {}
         for stmt in block:
@@ -53,16 +53,17 @@ def _lazy(block: list[Stmt], outputs: Iterable[Arg], numbers: Iterator[int], dep
                 for literal in needs.get(stmt.name, ()):
                     work[literal] = work.get(literal, 0) + COSTS.get(stmt.op, 1)
         chosen = max((x for x in work if x not in tried), key=work.__getitem__, default=None)
-        if chosen is None or work[chosen] < LEAST or len(tried) >= MOST_BRANCHES:
+        if chosen is None or work[chosen] < LEAST or len(tried) >= MOST_BRANCHES + len(known):
             break
         tried.add(chosen)
-        block = _behind(block, wanted, chosen, {n for n, conditions in needs.items() if chosen in conditions}, numbers, depth)
+        block = _behind(block, wanted, chosen, {n for n, conditions in needs.items() if chosen in conditions}, numbers, known)
     return block
 
 
 def _needs(block: Sequence[Stmt], wanted: set[Arg]) -> dict[str, frozenset[Literal]]:
     """Returns, for the assignments of a block that can be moved, the conditions under which they are needed."""
     needed: dict[Arg, frozenset[Literal]] = dict.fromkeys(wanted, frozenset())
+    made: dict[Arg, Assign] = {s.name: s for s in block if isinstance(s, Assign)}
     found: dict[str, frozenset[Literal]] = {}
 
     def note(arg: Arg, conditions: frozenset[Literal]) -> None:
@@ -71,14 +72,14 @@ def _needs(block: Sequence[Stmt], wanted: set[Arg]) -> dict[str, frozenset[Liter
 
     for stmt in reversed(block):
         if not isinstance(stmt, Assign):
+            when = stmt.when if isinstance(stmt.when, str) else ""
             for name in free_names(stmt):
-                note(name, frozenset())
+                note(name, frozenset({(when, True)} if when not in ("", name) else ()))
             continue
         own = needed.get(stmt.name, frozenset())
-        if stmt.op != "tie":
-            found[stmt.name] = own
-        else:
-            own = frozenset()
+        if stmt.op == "tie":  # stays, but where it is none unless a condition holds
+            own = own & _known_apart(made.get(stmt.args[0]))
+        found[stmt.name] = own
         if stmt.op == "select" and isinstance(stmt.args[0], str):
             b, x, y = stmt.args
             note(b, own)
@@ -90,8 +91,18 @@ def _needs(block: Sequence[Stmt], wanted: set[Arg]) -> dict[str, frozenset[Liter
     return {name: conditions for name, conditions in found.items() if conditions}
 
 
-def _behind(block: list[Stmt], wanted: set[Arg], literal: Literal, members: set[str], numbers: Iterator[int], depth: int) -> list[Stmt]:
-    """Returns the block with some assignments, which are needed under a condition only, in a branch."""
+def _known_apart(g: Assign | None) -> frozenset[Literal]:
+    """Returns the conditions without which a function is a number other than 0."""
+    if g is not None and g.op == "select" and isinstance(g.args[2], float) and g.args[2] != 0.0:
+        return frozenset({(str(g.args[0]), True)})
+    return frozenset()
+
+
+def _behind(
+    block: list[Stmt], wanted: set[Arg], literal: Literal, members: set[str], numbers: Iterator[int], around: tuple[Literal, ...]
+) -> list[Stmt]:
+    """Returns the block with some assignments, which are needed under a condition only, in a branch; `around` are the conditions of the
+    branches around it."""
     name, value = literal
     made = {n for s in block for n in assigned(s)}
     late: set[str] = set()  # what depends on users of the branch, or on the condition, which come after it
@@ -105,6 +116,9 @@ def _behind(block: list[Stmt], wanted: set[Arg], literal: Literal, members: set[
         if isinstance(stmt, Assign) and stmt.name in members and used.isdisjoint(late):
             body.append(stmt)
             inside.add(stmt.name)
+        elif value and not isinstance(stmt, Assign | When) and stmt.when == name and used.isdisjoint(late):
+            body.append(replace(stmt, when=None))
+            inside.update(results)
         elif not used.isdisjoint(inside) or not used.isdisjoint(late):
             after.append(stmt)
             late.update(results)
@@ -120,4 +134,4 @@ def _behind(block: list[Stmt], wanted: set[Arg], literal: Literal, members: set[
     results = tuple(n for s in body for n in assigned(s) if n in used_after and not is_condition(n))
     if any(n in used_after for s in body for n in assigned(s) if is_condition(n)):  # a branch has numbers as results
         return block
-    return [*before, When(name, tuple(_lazy(body, results, numbers, depth - 1)), results), *after]
+    return [*before, When(name, tuple(_lazy(body, results, numbers, (*around, literal))), results), *after]

@@ -186,17 +186,18 @@ def adaptive_piece(block: Sequence[str] | Nodes, rule: Adaptive, sums: Sums, pla
 def _rounding_within(place: Sequence[str]) -> list[str]:
     """Returns lines that set `rounding`, the effect of rounding on the interval."""
     return [
-        "double ends[3] = {p, q, p};",
-        "for (int end = 0; end < 3; end++) {",
+        "double put[3] = {p, q, p};",
+        "for (int side = 0; side < 3; side++) {",
         *indent(
-            "const double u = end == 0 ? here.from : end == 1 ? here.to : middle;",
+            "const double u = side == 0 ? here.from : side == 1 ? here.to : middle;",
             "if (u <= 0.0 || u >= 1.0) continue;",
             *place,
             "(void)slope;",
-            "ends[end] = x;",
+            "put[side] = x;",
         ),
         "}",
-        "const double rounding = fmax(teg_rounding(p, q), 0.5 * TEG_ROUNDING + teg_placed(ends[0], ends[2], ends[1]));",
+        "const double nearby = 0.5 * TEG_ROUNDING + teg_placed(put[0], put[2], put[1]);",
+        "const double rounding = fmax(teg_rounding(p, q), nearby);",
     ]
 
 
@@ -311,9 +312,10 @@ def _searched(guard: GuardText, place: Sequence[str], tested: int, above: str, t
             *end("right", "second", "second < 1.0"),
             *guard.block,
             "const int endless = !isfinite(right - left);",
-            "const int inside = endless || (first > 0.0 && second < 1.0 && here.depth < TEG_GUARD_DEPTH);",
+            "const int within = first > 0.0 && second < 1.0, outermost = !within && here.depth >= TEG_DEEP;",
+            "const int inside = endless || (within && here.depth < TEG_GUARD_DEPTH);",
             f"const int unseen = teg_matters({tested}, f, right - left, measured, {above}, {tol})",
-            f"    && teg_unseen({guard.sharp}, f + {tested}, seen_at, nodes, gap, inside, endless);",
+            f"    && teg_unseen({guard.sharp}, f + {tested}, seen_at, nodes, gap, inside, endless || outermost);",
             f"if (gap < 0) {_each(tested, 'hidden_size[j] = !endless && isinf(f[j]) ? 0.0 : f[j] * (right - left);')}",
             "if (gap < 0 && !unseen) break;",
             "if (gap >= 0 && unseen) good = 0, hides = 1;",

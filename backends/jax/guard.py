@@ -12,7 +12,7 @@ from teg.backends.jax.arrays import JAX
 from teg.backends.jax.runtime import OnPiece
 from teg.backends.shared.bends import place
 from teg.backends.shared.rules import is_unseen
-from teg.program import GUARD_DEPTH
+from teg.program import DEEP, GUARD_DEPTH
 
 Scalar = Any
 
@@ -51,8 +51,9 @@ class Guard(NamedTuple):
         beside = jnp.fmax(jnp.concatenate([seen[:1], seen]), jnp.concatenate([seen, seen[-1:]]))
         known = jnp.concatenate([_least(seen)[None], beside])
         upper, lower = found[:, tested : tested + self.sharp], found[:, tested + self.sharp :]
-        large = is_unseen(jnp, upper, lower, known, (~finite & ~whole)[:, None])
-        inside = ~finite | ((jnp.concatenate([u[:1], u[:-1]]) > 0.0) & (u < 1.0) & (depth < GUARD_DEPTH))
+        within = (jnp.concatenate([u[:1], u[:-1]]) > 0.0) & (u < 1.0)
+        large = is_unseen(jnp, upper, lower, known, (~whole & (~finite | (~within & (depth >= DEEP))))[:, None])
+        inside = ~finite | (within & (depth < GUARD_DEPTH))
         counts = ~jnp.isposinf(upper) | (inside | whole)[:, None]
         unseen = jnp.any(large & counts, axis=1) & matters
         hidden = jnp.where(jnp.isinf(sizes[0]) & jnp.isfinite(length[0]), 0.0, sizes[0] * length[0])

@@ -14,7 +14,7 @@ from teg.backends.numpy.lanes import Run
 from teg.backends.numpy.pieces import Pieces
 from teg.backends.shared.bends import Substitution
 from teg.backends.shared.rules import is_unseen
-from teg.program import GUARD_DEPTH
+from teg.program import DEEP, GUARD_DEPTH
 
 Array = npt.NDArray[Any]
 
@@ -54,7 +54,10 @@ class Guard:
         boxes = points[:-1].reshape(-1), points[1:].reshape(-1)
         flat = [np.tile(v, gaps) if np.ndim(v) else v for v in pieces.values]
         wanted = np.tile(enough, (1, gaps))
-        found, endless = self._unseen(pieces.run, flat, boxes, largest.reshape(self.sharp, -1), wanted, gaps=True)
+        last = np.zeros((gaps, asked.size), dtype=np.bool_)
+        if depth >= DEEP:
+            last[0], last[-1] = ends[0][asked] <= 0.0, ends[1][asked] >= 1.0
+        found, endless = self._unseen(pieces.run, flat, boxes, largest.reshape(self.sharp, -1), wanted, last.reshape(-1))
         found, endless = found.reshape(gaps, -1), endless.reshape(gaps, -1)
         shallow = depth < GUARD_DEPTH
         endless[1:-1] &= shallow
@@ -81,10 +84,11 @@ class Guard:
         return at
 
     def _unseen(
-        self, run: Run, values: Sequence[Any], boxes: tuple[Array, Array], seen: Array, enough: Array, gaps: bool = False
+        self, run: Run, values: Sequence[Any], boxes: tuple[Array, Array], seen: Array, enough: Array, last: Array | None = None
     ) -> tuple[Array, Array]:
-        """Returns whether each box, from left to right, matters and a sharp value is unseen there, (boxes,): of `gaps` those with finite
-        upper bounds, then those with infinite ones, of other boxes all."""
+        """Returns whether each box, from left to right, matters and a sharp value is unseen there, (boxes,): of gaps those with finite
+        upper bounds, then those with infinite ones, of other boxes all. `last` says which gaps lie at an end of a piece after DEEP
+        bisections; None for other boxes."""
         left, right = boxes
         found = self.block(run, left, right, *values)
         length = right - left
@@ -97,8 +101,8 @@ class Guard:
         first = len(enough)
         for i in range(self.sharp):
             upper, lower = found[first + i], found[first + self.sharp + i]
-            large = is_unseen(np, upper, lower, seen[i], ~finite & gaps)
-            infinite = np.isposinf(upper) if gaps else np.False_
+            large = is_unseen(np, upper, lower, seen[i], np.False_ if last is None else ~finite | last)
+            infinite = np.False_ if last is None else np.isposinf(upper)
             unseen |= large & ~infinite
             endless |= large & infinite
         return unseen & matters, endless & matters

@@ -146,8 +146,10 @@ def _product(a: Interval, b: Interval) -> Interval:
 def _power(u: Interval, k: int) -> Interval:
     if k < 0:
         lo, hi = _power(u, -k) if k != -1 else u
-        apart = disjunction(positive(lo), positive(_negative(hi)))
-        return where(apart, integer_power(hi, -1), _EVERYTHING[0]), where(apart, integer_power(lo, -1), _EVERYTHING[1])
+        below, above = positive(_negative(hi)), positive(lo)
+        from_0 = disjunction(conjunction(positive(lo, strict=False), positive(hi)), below)  # 0 may be an end
+        to_0 = disjunction(conjunction(positive(_negative(hi), strict=False), positive(_negative(lo))), above)
+        return where(from_0, integer_power(hi, -1), _EVERYTHING[0]), where(to_0, integer_power(lo, -1), _EVERYTHING[1])
     if k % 2:
         return integer_power(u[0], k), integer_power(u[1], k)
     least, most = _sizes(u)

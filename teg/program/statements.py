@@ -86,7 +86,7 @@ class Guard:
     larger of its two nodes' (at an end the one's). An infinite upper bound counts as seen in a finite gap at an end of the piece, and in
     every finite gap if the interval came from GUARD_DEPTH or more bisections: where the integrand is singular the nodes decide. At the
     ends of a piece left and right are p and q themselves. In a gap to infinity an infinite upper bound always counts, and the lower bound
-    never: what falls there falls for good.
+    never: what falls there falls for good. Nor does the lower bound count in a finite gap at an end of the piece after DEEP bisections.
     """
 
     left: Annotated[str, Variable(("block",))]

@@ -201,3 +201,26 @@ def test_boxes_of_a_grid_add_up(backend: str) -> None:
     assert value == pytest.approx(expected, rel=1e-13)
     for name, slope in slopes.items():
         np.testing.assert_allclose(gradient[name], slope, rtol=1e-11)
+
+
+T, S = teg.params("solid_t solid_u")
+TIED = {
+    "alike": (x + y + z < T) & (2 * x + 2 * y + 2 * z < S),
+    "opposite": (x + y + z < T) & (x + y + z > S),
+    "a side": (x < T) & (x + y + z < 2.5) & (y < S),
+    "diagonal": (x - y < T) & (y - x < S) & (z < 1.2),
+    "bounds": (x + z < T) & (x - S < y + z),
+}
+
+
+@pytest.mark.parametrize("backend", ["numpy", "c"])
+@pytest.mark.parametrize("kind", TIED)
+def test_faces_that_coincide_count_half_as_without_intrinsics(kind: str, backend: str) -> None:
+    """Planes along each other, along a side of the box, through its edges: derivatives are means of the one-sided ones."""
+    e = teg.integral(teg.bracket(TIED[kind]) * (1 + x), (x, 0, S if kind == "bounds" else 1), (y, 0, 1), (z, 0, 1))
+    f, slices = (teg.compile(e, [T, S], backend=backend, intrinsics=on) for on in (True, False))
+    for t, u in ((1.0, 2.0), (1.0, 1.0), (0.0, 0.0), (1.0, 0.0), (0.5, 1.0), (3.0, 0.0)):
+        (value, gradient), (expected, slopes) = (g.value_and_grad(solid_t=t, solid_u=u) for g in (f, slices))
+        assert value == pytest.approx(expected, abs=1e-13)
+        assert gradient == {name: pytest.approx(slope, abs=1e-12) for name, slope in slopes.items()}
+        assert {d.kind for d in f.diagnose(solid_t=t, solid_u=u)} == {d.kind for d in slices.diagnose(solid_t=t, solid_u=u)}

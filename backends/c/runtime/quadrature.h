@@ -83,7 +83,7 @@ static inline int teg_matters(int n, const double *sizes, double length, const d
 //: teg_unseen
 /* Whether one of n sharp values can be large in a gap, or in all of an interval (gap -1), and was not seen to be at the nodes, (nodes, n).
    Bounds are the n upper ones, then the lower ones; an infinite one counts in gaps that are inside or endless only, lower ones not in a gap
-   that is endless. */
+   that is endless, or outermost after many bisections. */
 static inline int teg_unseen(int n, const double *bounds, const double *seen, int nodes, int gap, int inside, int endless)
 {
     for (int i = 0; i < n; i++) {
@@ -99,8 +99,8 @@ static inline int teg_unseen(int n, const double *bounds, const double *seen, in
 }
 
 //: teg_placed
-/* What the rounding of places does to an integral over an interval, relative to that of |values|, from the places of its ends and of its
-   middle, by which an infinite end is replaced. */
+/* What the rounding of places does to an integral over an interval, relative to that of |values|, from the places of its ends
+   and of its middle, by which an infinite end is replaced. */
 static inline double teg_placed(double left, double middle, double right)
 {
     const double p = isfinite(left) ? left : middle, q = isfinite(right) ? right : middle;

@@ -86,7 +86,7 @@ def rewrite_by_formulas(g: Expr, coefficient: Expr, chain: Chain, data: Implicit
         return None
     mine, others, boxes = parts
     slopes = [slope(g, b.var) for b in mine]
-    weights = _chart_weights(slopes, [b if not is_unbounded(b) else Binder(b.var, ZERO, ONE) for b in boxes], power)
+    weights = _chart_weights(slopes, [b if not is_unbounded(b) else Binder(b.var, ZERO, ONE) for b in boxes], power, far=True)
     surface = _apart_from_birth(g, boxes)
     charts = []
     for i, box in enumerate(boxes):
@@ -114,9 +114,9 @@ def _at_critical_points(g: Expr, coefficient: Expr, boxes: Chain, mine: Chain, o
     return nest(at_births(g, coefficient, mine), others)
 
 
-def _chart_weights(slopes: Sequence[Expr], boxes: Sequence[Binder], power: int) -> list[Expr]:
+def _chart_weights(slopes: Sequence[Expr], boxes: Sequence[Binder], power: int, far: bool = False) -> list[Expr]:
     """Returns φᵢ/|gᵢ| of every chart. With m the largest |gⱼXⱼ|, rⱼ = |gⱼXⱼ|/m and power 4 it is rᵢ³Xᵢ/(m·Σⱼrⱼ⁴), where no power
-    overflows."""
+    overflows. Bounds over boxes that reach `far` need to be told that rⱼ <= 1 and Σⱼrⱼ⁴ >= 1."""
     if len(slopes) == 1:
         return [integer_power(call("magnitude", slopes[0]), -1)]
     extents = [sub(b.hi, b.lo) if ordered(b.lo, b.hi) > 0 else call("magnitude", sub(b.hi, b.lo)) for b in boxes]
@@ -126,7 +126,9 @@ def _chart_weights(slopes: Sequence[Expr], boxes: Sequence[Binder], power: int) 
         largest = call("max", largest, size)
     scale = integer_power(largest, -1)
     ratios = [mul(size, scale) for size in sizes]
-    total = mul(scale, integer_power(add(*(integer_power(r, power) for r in ratios)), -1))
+    ratios = [call("min", r, ONE) for r in ratios] if far else ratios
+    powers = add(*(integer_power(r, power) for r in ratios))
+    total = mul(scale, integer_power(call("max", powers, ONE) if far else powers, -1))
     tops = [integer_power(r, power - 1) if power > 2 else call("min", r, ONE) for r in ratios]  # else 1/m is squared in the product
     return [mul(top, extent, total) for top, extent in zip(tops, extents, strict=True)]
 

@@ -83,16 +83,16 @@ class Rounding:
     def tie_scale(self, g: Expr, home: Level) -> Arg:
         """Returns the scale of a tie: Σ|terms| of an atom, and the rounding errors of its terms. Times a few ε it bounds the atom's error
         near 0."""
-        terms, error = self._terms_size(g, home), self.error(g, home)
+        terms, error = self.terms_size(g, home), self.error(g, home)
         return terms if error == 0.0 else self.out.assign(home, "add", terms, error)
 
-    def _terms_size(self, g: Expr, home: Level) -> Arg:
+    def terms_size(self, g: Expr, home: Level) -> Arg:
         """Returns Σ|terms|, of the branch that is taken and after a numerical factor in front."""
         if isinstance(g, Where):
             holds = self.out.truths(g.condition, home)[0]
-            return self.out.assign(home, "select", holds, self._terms_size(g.then, home), self._terms_size(g.otherwise, home))
+            return self.out.assign(home, "select", holds, self.terms_size(g.then, home), self.terms_size(g.otherwise, home))
         if isinstance(g, Mul) and len(g.children) == 2 and isinstance(g.children[0], Const):
-            return self.out.assign(home, "mul", abs(g.children[0].data), self._terms_size(g.children[1], home))
+            return self.out.assign(home, "mul", abs(g.children[0].data), self.terms_size(g.children[1], home))
         if not isinstance(g, Add):
             return self.out.size(g, home)
         return self.out.assign(home, "add", *(self.out.size(t, home) for t in g.children))

@@ -15,6 +15,8 @@ from teg.program.operations import letter_of
 
 STEEP = ("div", "powi", "pow", "log", "log1p", "sqrt", "asin", "acos", "tan", "atan2")
 """Operations whose slope can be infinite."""
+LARGEST = 1.7e308
+"""Larger numbers are infinite."""
 Errors = dict[Arg, Arg]
 """By name: the error of a number (0.0 if it is not there), or whether a condition is doubtful (False if it is not there)."""
 Functions = dict[tuple[object, tuple[int, ...]], int]
@@ -62,8 +64,7 @@ class Propagation:
         if not any(isinstance(a, str) and a in self.errors for a in args):
             return
         if op in ("and", "or", "not"):
-            doubts = [d for d in map(self._doubt, args) if d is not False]
-            self.errors[stmt.name] = doubts[0] if len(doubts) == 1 else self.op(out, "or", *doubts)
+            self.errors[stmt.name] = self._doubt_of(stmt, out)
         elif op in ("gt0", "ge0", "lt0", "le0", "tie"):
             error = self.error(args[0])
             if error != 0.0:
@@ -76,6 +77,21 @@ class Propagation:
                 error = self.op(out, "select", exact, 0.0, error)
             if error != 0.0:
                 self.errors[stmt.name] = error
+
+    def _doubt_of(self, stmt: Assign, out: list[Stmt]) -> Arg:
+        """Returns whether a condition is doubtful: an argument is, and no other one decides it without a doubt."""
+        doubts = {a: d for a in stmt.args if (d := self._doubt(a)) is not False}
+        doubtful = self._any(list(doubts.values()), out)
+        if len(stmt.args) == 1:
+            return doubtful
+        deciding: list[Arg] = []
+        for a in stmt.args:
+            decides = a if stmt.op == "or" else self.op(out, "not", a)
+            deciding.append(self.op(out, "and", decides, self.op(out, "not", doubts[a])) if a in doubts else decides)
+        return self.op(out, "and", doubtful, self.op(out, "not", self._any(deciding, out)))
+
+    def _any(self, conditions: list[Arg], out: list[Stmt]) -> Arg:
+        return conditions[0] if len(conditions) == 1 else self.op(out, "or", *conditions)
 
     def _of_number(self, stmt: Assign, out: list[Stmt]) -> Arg:
         op, args, result = stmt.op, stmt.args, stmt.name
@@ -92,11 +108,12 @@ class Propagation:
             case "mul":
                 return self._of_product(args, errors, out)
             case "div":
-                quotient = self.times(out, result, errors[1])
+                quotient = self._unless_endless(args[1], self.times(out, result, errors[1]), out)
                 return o("div", self.sum_of((errors[0], quotient), out), o("abs", args[1]))
             case "powi":
                 n = int(args[1])
-                return self.times(out, o("mul", float(n), o("powi", args[0], n - 1)), errors[0])
+                error = self.times(out, o("mul", float(n), o("powi", args[0], n - 1)), errors[0])
+                return self._unless_endless(args[0], error, out) if n < 0 else error
             case "pow":
                 relative: Arg = 0.0 if errors[0] == 0.0 else o("div", errors[0], o("abs", args[0]))  # result/base may be infinite beside 0
                 by_base = self.times(out, o("mul", args[1], result), relative)
@@ -135,6 +152,13 @@ class Propagation:
                 return self._of_call(args, errors, out)
             case _:
                 raise AssertionError(f"no error estimate for {op}")
+
+    def _unless_endless(self, divisor: Arg, error: Arg, out: list[Stmt]) -> Arg:
+        """Returns the error of a quotient that comes from its divisor: 0 where that is infinite, as cosh(u) far away is with its error."""
+        if error == 0.0:
+            return 0.0
+        endless = self.op(out, "gt0", self.op(out, "sub", self.op(out, "abs", divisor), LARGEST))
+        return self.op(out, "select", endless, 0.0, error)
 
     def _of_call(self, args: Sequence[Arg], errors: Sequence[Arg], out: list[Stmt]) -> Arg:
         """Returns the error of a function: input by input, by its derivatives."""

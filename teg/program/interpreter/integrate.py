@@ -242,7 +242,7 @@ class _Piece:
         at = [start, *(start + 0.5 * (stop - start) * (1.0 + node) for node in gauss_legendre(n)[0]), stop]
         points = [_place(way, u) for u in at]
 
-        def unseen(left: float, right: float, largest_seen: list[float], endless_counts: bool, gap: bool) -> bool:
+        def unseen(left: float, right: float, largest_seen: list[float], endless_counts: bool, gap: bool, last: bool = False) -> bool:
             bounds = self.machine.at(guard.block, (*guard.sizes, *guard.upper, *guard.lower), **{guard.left: left, guard.right: right})
             length, first = right - left, len(guard.sizes)
             endless = not math.isfinite(length)
@@ -251,7 +251,7 @@ class _Piece:
             for i in sharp:
                 upper, lower = bounds[first + i], bounds[first + len(sharp) + i]
                 large = upper > UNSEEN * _larger(largest_seen[i], FAINT)
-                large |= upper > HIDDEN * _larger(lower, FAINT) and not (gap and endless)
+                large |= upper > HIDDEN * _larger(lower, FAINT) and not (gap and endless) and not last
                 if large and (endless_counts or upper != math.inf):
                     return True
             return False
@@ -263,7 +263,7 @@ class _Piece:
             at_end = math.isfinite(right - left) and ((gap == 0 and start <= 0.0) or (gap == n and stop >= 1.0))
             most = [_larger(nodes[0][i], nodes[-1][i]) for i in sharp]
             endless_counts = not at_end and (depth < GUARD_DEPTH or math.isinf(right - left))
-            if unseen(left, right, most, endless_counts, True):
+            if unseen(left, right, most, endless_counts, True, at_end and depth >= DEEP):
                 return True
         return False
 

@@ -103,6 +103,24 @@ def test_a_choice_that_may_be_wrong_is_part_of_the_estimate() -> None:
         assert (f.value_and_error(t=1.5, a=c)[1] >= 1.0) == doubtful
 
 
+def test_what_another_condition_decides_is_not_in_doubt() -> None:
+    u = teg.integral(teg.exp(9 * x), (x, 0, t))
+    near, rough = u > a, float(teg.compile(u, order=4, tol=1e-2)(t=1.5))
+    for c, decides in ((near | (b > 0), 1.0), (near & (b > 0), -1.0), (~near & (b > 0) & (u > 0), -1.0)):
+        f = teg.compile(teg.bracket(c), order=4, tol=1e-2)
+        assert f.value_and_error(t=1.5, a=rough, b=decides)[1] < 1e-12
+        assert f.value_and_error(t=1.5, a=rough, b=-decides)[1] >= 1.0
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_estimates_of_derivatives_of_distances_to_the_nearest_site(backend: str) -> None:
+    k, sites = teg.index("k"), teg.array("S")
+    f = teg.compile(teg.integral(teg.minimum_of((x - sites[k]) ** 2, (k, 0, teg.length(sites))), (x, 0, 1)), backend=backend)
+    gradient, estimate = f.grad_and_error(S=[0.25, 0.5])  # ½(2s - 2x) over each cell
+    np.testing.assert_allclose(gradient["S"], [2 * (0.25 * 0.375 - 0.375**2 / 2), 2 * (0.5 * 0.625 - (1 - 0.375**2) / 2)], atol=1e-14)
+    assert (estimate["S"] < 1e-9).all()
+
+
 @pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("degree", [0, 1, 3, 8])
 def test_estimates_of_exact_polynomials_are_a_few_roundings(degree: int, backend: str) -> None:

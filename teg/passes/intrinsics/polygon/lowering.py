@@ -11,6 +11,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import reduce
+from itertools import product
 from typing import NamedTuple, cast
 
 from teg.analysis.calculus import slope
@@ -28,7 +30,7 @@ from teg.passes.intrinsics.polygon.match import Clipped, Half, match_clipped
 from teg.passes.lower.emit import Emitter
 from teg.passes.lower.intrinsic import Lowering
 from teg.passes.lower.levels import Level
-from teg.program import Arg, HalfLine, HalfPlane, HalfSpace, Polygon, Polyhedron, Segment, Stmt
+from teg.program import NEARLY, TIE_EPS, Arg, HalfLine, HalfPlane, HalfSpace, Polygon, Polyhedron, Segment, Stmt
 
 
 class PolygonLowering(Lowering):
@@ -61,7 +63,9 @@ class PolygonLowering(Lowering):
         inner, outer = group[0].boxes
         x, y = inner.var, outer.var
         placed = self._placed(group[0], home)
-        planes = [HalfPlane(a, b, c, half.closed) for (a, b, c), half in zip(placed.numbers, group[0].halves, strict=True)]
+        planes = [
+            self._half_plane(half, numbers, group[0], (home, when)) for half, numbers in zip(group[0].halves, placed.numbers, strict=True)
+        ]
         triangle = match_triangle([(h.atom.g, h.negated) for h in group[0].halves], (x, y))
         variables = list(placed.offsets)
         corners: tuple[tuple[Arg, Arg], ...] = ()
@@ -87,6 +91,34 @@ class PolygonLowering(Lowering):
             Polygon(names, width, height, tuple(planes), (), body, values, factors, results, degree, when, met, corners, across)
         )
         return results
+
+    def _half_plane(self, half: Half, numbers: Sequence[Arg], clipped: Clipped, place: tuple[Level, str | None]) -> HalfPlane:
+        """Returns a half-plane; if it may tie, that is decided before: one that ties contains everything, or nothing. The place is its
+        level, and the condition without which it is not needed."""
+        (a, b, c), atom, out, (home, when) = numbers, half.atom, self.out, place
+        if atom.resolution is None:
+            return HalfPlane(a, b, c, half.closed)
+
+        def only(condition: str | None, value: Arg, otherwise: float) -> Arg:
+            return value if condition is None else out.assign(home, "select", condition, value, otherwise)
+
+        (u, v), bounds = [b.var for b in clipped.boxes], [(b.lo, b.hi) for b in clipped.boxes]
+        across, up = (out.assign(home, "mul", n, out.number(distance(*ends), home)) for n, ends in zip((a, b), bounds, strict=True))
+        values = [c, *(out.assign(home, "add", c, *steps) for steps in ((across,), (up,), (across, up)))]
+        most = self._largest([out.size_of(value, home) for value in values], home)
+        ends = [cast(Expr, substitute(atom.g, {u: x, v: y})) for x, y in product(*bounds)]
+        terms = self._largest([out.rounding.terms_size(end, home) for end in ends], home)
+        close = out.assign(home, "sub", out.assign(home, "mul", NEARLY, terms), most)
+        near = out.assign(home, "ge0", only(when, close, -1.0))
+        scale = self._largest([out.rounding.tie_scale(end, home) for end in ends], home)
+        g, scale = (only(when, only(near, n, otherwise), otherwise) for n, otherwise in ((most, 1.0), (scale, 0.0)))
+        first = out.truths(negation(atom.resolution) if half.negated else atom.resolution, home)[0]
+        k = out.ties.setdefault(cast("tuple[str, str]", atom.rivals), len(out.ties))
+        holds = out.assign(home, "tie", g, scale, first, k)
+        ties = out.assign(home, "ge0", out.assign(home, "sub", out.assign(home, "mul", TIE_EPS, scale), g))
+        side = out.assign(home, "select", holds, 1.0, -1.0)
+        a, b, c = (out.assign(home, "select", ties, known, n) for known, n in ((0.0, a), (0.0, b), (side, c)))
+        return HalfPlane(a, b, c, half.closed)
 
     def _polyhedron(self, group: Sequence[Clipped], home: Level, when: str | None) -> tuple[str, ...]:
         placed = self._placed(group[0], home)
@@ -183,6 +215,9 @@ class PolygonLowering(Lowering):
         if isinstance(a, float) and isinstance(b, float):
             return max(a, b)
         return a if a == b else self.out.assign(home, "max", a, b)
+
+    def _largest(self, sizes: Sequence[Arg], home: Level) -> Arg:
+        return reduce(lambda a, b: self._larger((a, b), home), sizes)
 
     def _size_of_terms(self, g: Expr, x: Var, bounds: tuple[Expr, Expr], home: Level) -> Arg:
         """Returns a bound of the terms of an affine function between the bounds, before anything cancels."""

@@ -167,8 +167,8 @@ def _match(nest: _Nest) -> Clipped | None:
     if any(shadow.degree(h.atom.g) not in (0, 1) for h in halves):
         return None
     resolutions = [h.atom.resolution for h in halves if h.atom.resolution is not None]
-    if resolutions and (len(boxes) > 1 or any(v in r.free for r in resolutions for v in variables)):
-        return None  # the side of a tie must be known before the interval is cut
+    if resolutions and (solid or any(v in r.free for r in resolutions for v in variables)):
+        return None  # the side of a tie must be known before the domain is cut
     degree = shadow.degree(integrand)
     if degree is None or degree > (MAX_SOLID_DEGREE if solid else MAX_DEGREE):
         return None
@@ -186,7 +186,7 @@ def _halves(condition: Cond, variables: Sequence[Var], integrand: Expr) -> tuple
     integrand."""
     halves: dict[Half, None] = {}
     for part in _conjuncts(condition):
-        pair = _between(part, variables) if len(variables) == 1 else None
+        pair = _between(part, variables) if len(variables) <= 2 else None
         if pair is not None:
             upper, lower, forward = pair
             integrand = cast(Expr, replace_node(integrand, upper, forward))
