@@ -20,17 +20,18 @@ from typing import cast
 
 from teg.analysis.calculus import slope
 from teg.analysis.critical import ROUNDING, finite_box
+from teg.analysis.evaluate import values_of
 from teg.analysis.nest import Binder, Chain
 from teg.analysis.polynomial import Shadow
 from teg.analysis.roots import Root, solve, tidy
 from teg.analysis.surfaces import atoms_of, binders_inside
 from teg.analysis.tails import is_unbounded
-from teg.errors import NotDifferentiableError
+from teg.errors import NotDifferentiableError, OperandError
 from teg.ir.expr import FALSE, MINUS_ONE, ONE, TRUE, ZERO, Add, Call, Cond, Const, Expr, Mul, Pow, Var, Where, const
-from teg.ir.node import Node
+from teg.ir.node import Node, postorder
 from teg.ir.show import show
 from teg.ir.simplify import add, call, conjunction, disjunction, integer_power, mul, negation, positive, sub, where
-from teg.ir.traverse import substitute
+from teg.ir.traverse import parameters, substitute
 
 MAX_POINTS = 16
 """The largest number of critical points whose terms are written out."""
@@ -148,6 +149,22 @@ def _within(point: Mapping[Var, Expr], b: Binder, value: Expr) -> Expr:
 def has_formula(g: Expr, chain: Chain) -> bool:
     """Returns whether the critical points of a surface have formulas."""
     return critical_points([slope(g, b.var) for b in chain], chain) is not None
+
+
+def has_pole(g: Expr, chain: Chain) -> bool:
+    """Returns whether a divisor in one variable, between numbers, is 0 at a bound or changes its sign: as where an infinite range became a
+    finite one. No search ends there, and nothing is born."""
+    divisors = [n.base for n in postorder([g]) if isinstance(n, Pow) and n.exponent < 0 and len(n.base.free) == 1]
+    for b in chain:
+        if isinstance(b.lo, Const) and isinstance(b.hi, Const):
+            mine = [d for d in divisors if b.var in d.free and not parameters(d)]
+            try:
+                ends = [values_of(mine, {b.var: end.data}) for end in (b.lo, b.hi)]
+            except OperandError:
+                continue
+            if any(float(low) * float(high) <= 0.0 for low, high in zip(*ends, strict=True)):
+                return True
+    return False
 
 
 def critical_points(gradient: Sequence[Expr], chain: Chain) -> list[Point] | None:

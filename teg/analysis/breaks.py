@@ -17,7 +17,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import cast
 
-from teg.analysis.births import has_formula
+from teg.analysis.births import has_formula, has_pole
 from teg.analysis.branches import branches_of
 from teg.analysis.isolation import MAX_ROOTS, Isolation, Location, isolate, locate
 from teg.analysis.nest import Binder
@@ -129,7 +129,8 @@ class BreakAnalysis:
         at_run_time = tuple(i for i in isolated.values() if i is not None)
         located = [locate(f, g, z, low, high, x) for f, g, z, low, high in list(projection.meetings)[:MAX_LOCATED]]
         together = tuple(m for m in located if m is not None)
-        unsolved = [b for b in projection.births if not has_formula(b[0], (Binder(x, node.lo, node.hi), Binder(*b[2:])))]
+        charts = ((b, (Binder(x, node.lo, node.hi), Binder(*b[2:]))) for b in projection.births)
+        unsolved = [b for b, chain in charts if not has_pole(b[0], chain) and not has_formula(b[0], chain)]
         born = tuple(m for f, g, z, low, high in unsolved if (m := locate(f, g, z, low, high, x)) is not None and m.smooth)
         bends = self._bends(projection, node)
         return Breaks(distinct, tuple(points), at_run_time, together, born, frozenset(handled), complete, projection.rooted, bends, matters)
