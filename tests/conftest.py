@@ -9,6 +9,7 @@ from __future__ import annotations
 import gc
 import os
 import sys
+import weakref
 from collections.abc import Generator, Iterator
 from math import inf
 from pathlib import Path
@@ -107,7 +108,7 @@ def derived_anew(request: pytest.FixtureRequest) -> Iterator[None]:
     """A test that changes something, or reads the log, derives its own programs."""
     with pytest.MonkeyPatch.context() as patch:
         if not {"monkeypatch", "caplog"}.isdisjoint(request.fixturenames):
-            patch.setattr(plan, "_derivations", {})
+            patch.setattr(plan, "_derivations", weakref.WeakValueDictionary())
         yield
 
 

@@ -7,8 +7,7 @@ For g that is no quadric, at a point p of the box with g = 0 and ∇g = 0 and th
     three variables   rank H >= 2  0: volumes grow faster than the level
                       else         not a number: the power is not known
 
-Critical points on the border of the box give no number, and lines of them neither. Where critical points have no formula, a search for
-them (`Locate`) makes the boundary term NaN if it meets one.
+Critical points on the border of the box give no number, and lines of them neither. Those that have no formula are not known.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ from teg.analysis.surfaces import atoms_of, binders_inside
 from teg.analysis.tails import is_unbounded
 from teg.errors import NotDifferentiableError, OperandError
 from teg.ir.expr import FALSE, MINUS_ONE, ONE, TRUE, ZERO, Add, Call, Cond, Const, Expr, Mul, Pow, Var, Where, const
-from teg.ir.node import Node, postorder
+from teg.ir.node import Node
 from teg.ir.show import show
 from teg.ir.simplify import add, call, conjunction, disjunction, integer_power, mul, negation, positive, sub, where
 from teg.ir.traverse import parameters, substitute
@@ -37,6 +36,8 @@ MAX_POINTS = 16
 """The largest number of critical points whose terms are written out."""
 FLAT = 1e-10
 """A determinant, or a sum of minors, that is larger than this part of the squared sizes of the entries is not 0."""
+SMALL = 1e-9
+"""A number that is not larger may be 0."""
 HUGE = 1e300
 """A larger derivative is infinite."""
 LEVEL = 1e-24
@@ -61,9 +62,13 @@ def at_births(g: Expr, coefficient: Expr, chain: Chain) -> Expr:
         return ZERO
     terms = []
     for point, exists in points or ():
+        level = _at(g, point)
+        if level.free or _is_always_0(level):  # no line of critical points; or a point that stays singular, as the cusp of a cardioid
+            continue
         here = [[_at(h, point) for h in row] for row in hessian]
         value = _on_line(point, here, chain) if len(point) < len(chain) else _at_point(point, coefficient, here, chain)
-        terms.append(where(conjunction(exists, _is_tie(g, _at(g, point))), value, ZERO))
+        near = [positive(sub(const(HUGE), call("magnitude", e))) for e in point.values() if not (e.free or isinstance(e, Const))]
+        terms.append(where(conjunction(exists, *near, _is_tie(g, level)), value, ZERO))
     return add(*terms)
 
 
@@ -146,27 +151,6 @@ def _within(point: Mapping[Var, Expr], b: Binder, value: Expr) -> Expr:
     return value
 
 
-def has_formula(g: Expr, chain: Chain) -> bool:
-    """Returns whether the critical points of a surface have formulas."""
-    return critical_points([slope(g, b.var) for b in chain], chain) is not None
-
-
-def has_pole(g: Expr, chain: Chain) -> bool:
-    """Returns whether a divisor in one variable, between numbers, is 0 at a bound or changes its sign: as where an infinite range became a
-    finite one. No search ends there, and nothing is born."""
-    divisors = [n.base for n in postorder([g]) if isinstance(n, Pow) and n.exponent < 0 and len(n.base.free) == 1]
-    for b in chain:
-        if isinstance(b.lo, Const) and isinstance(b.hi, Const):
-            mine = [d for d in divisors if b.var in d.free and not parameters(d)]
-            try:
-                ends = [values_of(mine, {b.var: end.data}) for end in (b.lo, b.hi)]
-            except OperandError:
-                continue
-            if any(float(low) * float(high) <= 0.0 for low, high in zip(*ends, strict=True)):
-                return True
-    return False
-
-
 def critical_points(gradient: Sequence[Expr], chain: Chain) -> list[Point] | None:
     """Returns the common zeros of the derivatives of a surface if they have formulas, at most MAX_POINTS; else None."""
     waiting: list[tuple[dict[Var, Expr], Cond, tuple[Expr, ...]]] = [({}, TRUE, tuple(gradient))]
@@ -186,9 +170,30 @@ def critical_points(gradient: Sequence[Expr], chain: Chain) -> list[Point] | Non
                 new = {v: root.point}
                 known = {k: _at(e, new) for k, e in at.items()} | new
                 holds = conjunction(cast(Cond, substitute(exists, new)), root.exists)
-                if holds is not FALSE:
-                    waiting.append((known, holds, tuple(e for e in (_at(e, new) for e in equations) if e.free)))
+                left = [_at(e, new) for e in equations]
+                if holds is not FALSE and not any(_is_never_met(e) for e in left):
+                    waiting.append((known, holds, tuple(e for e in left if e.free)))
     return list(points.values())
+
+
+def _is_never_met(equation: Expr) -> bool:
+    """Returns whether an equation without variables does not hold, but for some values of its parameters."""
+    return not equation.free and SMALL < _somewhere(equation) < math.inf
+
+
+def _is_always_0(level: Expr) -> bool:
+    """Returns whether a number is 0 whatever its parameters are."""
+    return _somewhere(level) <= SMALL
+
+
+def _somewhere(number: Expr) -> float:
+    """Returns the size of a number at one place of its parameters; infinity where it has none."""
+    place: dict[Node, float] = {p: 0.37 + 0.11 / (k + 1.0) for k, p in enumerate(parameters(number))}
+    try:
+        value = abs(float(values_of([number], place)[0]))
+    except OperandError:
+        return math.inf
+    return math.inf if math.isnan(value) else value
 
 
 def _zeros(e: Expr, unknown: Sequence[Binder]) -> list[tuple[Var, Root]]:

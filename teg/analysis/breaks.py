@@ -17,10 +17,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import cast
 
-from teg.analysis.births import has_formula, has_pole
 from teg.analysis.branches import branches_of
 from teg.analysis.isolation import MAX_ROOTS, Isolation, Location, isolate, locate
-from teg.analysis.nest import Binder
 from teg.analysis.polynomial import Degrees, Point, Poly, Ratio, Shadow
 from teg.analysis.projection import Contribution, Projection, Turn, near, within
 from teg.analysis.roots import Roots, solve
@@ -46,18 +44,16 @@ class Breaks:
 
     `functions` are the break functions, `points` their roots in closed form. `matters` maps a function whose roots are found at run time
     to a condition: evaluated at a root, it says whether the root is a break inside the inner bounds. `isolated` are the functions whose
-    roots are found at run time; `located` are the pairs of them whose common zeros are found at run time, where no better break is known;
-    `births` are those at whose zeros the surface of point masses has a critical point. `handled` are the surfaces g whose sign is
-    constant on every piece. `complete` says that the integrand is smooth on every piece. `bends` are the points where the integrand turns
-    into another branch, also outside of a piece. `rooted` says that the integrand may behave like a square root at the end of a piece for
-    other reasons.
+    roots are found at run time; `located` are the pairs of them whose common zeros are found at run time, where no better break is
+    known. `handled` are the surfaces g whose sign is constant on every piece. `complete` says that the integrand is smooth on every
+    piece. `bends` are the points where the integrand turns into another branch, also outside of a piece. `rooted` says that the
+    integrand may behave like a square root at the end of a piece for other reasons.
     """
 
     functions: tuple[Expr, ...]
     points: tuple[Expr, ...]
     isolated: tuple[Isolation, ...]
     located: tuple[Location, ...]
-    births: tuple[Location, ...]
     handled: frozenset[Expr]
     complete: bool
     rooted: bool
@@ -96,7 +92,7 @@ class BreakAnalysis:
             atoms = [a.g for a in atoms_of(body, x) if not a.g.free & inner]
             formula = self.solve(masses.g, x, node.lo, node.hi)
             complete = formula is not None and formula.certain
-            return Breaks(tuple(dict.fromkeys((masses.g, *atoms))), (), (), (), (), frozenset(), complete, False)
+            return Breaks(tuple(dict.fromkeys((masses.g, *atoms))), (), (), (), frozenset(), complete, False)
         projection = Contribution({})
         direct = [a.g for a in atoms_of(body, x) if not a.g.free & inner]
         for g in direct:
@@ -129,11 +125,8 @@ class BreakAnalysis:
         at_run_time = tuple(i for i in isolated.values() if i is not None)
         located = [locate(f, g, z, low, high, x) for f, g, z, low, high in list(projection.meetings)[:MAX_LOCATED]]
         together = tuple(m for m in located if m is not None)
-        charts = ((b, (Binder(x, node.lo, node.hi), Binder(*b[2:]))) for b in projection.births)
-        unsolved = [b for b, chain in charts if not has_pole(b[0], chain) and not has_formula(b[0], chain)]
-        born = tuple(m for f, g, z, low, high in unsolved if (m := locate(f, g, z, low, high, x)) is not None and m.smooth)
         bends = self._bends(projection, node)
-        return Breaks(distinct, tuple(points), at_run_time, together, born, frozenset(handled), complete, projection.rooted, bends, matters)
+        return Breaks(distinct, tuple(points), at_run_time, together, frozenset(handled), complete, projection.rooted, bends, matters)
 
     def _bends(self, projection: Contribution, node: Integral) -> tuple[Turn, ...]:
         """Returns the distinct turns that are quadratic in the variable, or have two roots by formula. Other turns only set `rooted`: the
@@ -214,12 +207,11 @@ class BreakAnalysis:
                 for turn in projection.turns:
                     if x in turn.function.free and not (turn.function.free | turn.when.free) & inner:
                         collected.turns[turn] = None
-                for mine, theirs in ((collected.meetings, projection.meetings), (collected.births, projection.births)):
-                    for meeting in theirs:
-                        first, second, z, low, high = meeting
-                        free = (first.free | second.free) - {z} | low.free | high.free
-                        if x in free and x not in low.free | high.free and not free & inner:
-                            mine[meeting] = None
+                for meeting in projection.meetings:
+                    first, second, z, low, high = meeting
+                    free = (first.free | second.free) - {z} | low.free | high.free
+                    if x in free and x not in low.free | high.free and not free & inner:
+                        collected.meetings[meeting] = None
 
     def _distinct(self, functions: dict[Expr, Cond]) -> tuple[dict[Expr, Expr], dict[Expr, Cond]]:
         """Returns the first proportional function for each function, and for each first function the condition under which its zeros

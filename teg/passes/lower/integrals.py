@@ -123,7 +123,7 @@ class _Integrals:
                 key = (shape.key(node, level),)
             elif not self.samples.is_unbroken(node, level):
                 kind = None if masses is not None else self.rules.kind(node, level.depth)
-                key = (*key, kind, (breaks := self.rules.analysis.of(node)).births, frozenset(breaks.functions))
+                key = (*key, kind, frozenset(self.rules.analysis.of(node).functions))
             shared.setdefault((*key, height[node], level.guards[node]), []).append(node)
         for group in shared.values():
             for node in group:

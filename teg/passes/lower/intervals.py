@@ -65,7 +65,7 @@ def interval_of(group: Sequence[Integral], breaks: Breaks, nodes: int | None = N
     """Returns the conditions and means of integrals that share their bounds and breaks; None if they live on several pieces. Means are in
     closed form, or those of so many `nodes` of Gauss."""
     x, bodies = group[0].var, [i.body for i in group]
-    if breaks.isolated or breaks.located or breaks.births or any(b.has_integral for b in bodies):
+    if breaks.isolated or breaks.located or any(b.has_integral for b in bodies):
         return None
     atoms = [n for n in postorder(bodies) if isinstance(n, Compare) and x in n.free]
     if len(atoms) > MOST_CONDITIONS or not _one_each(atoms, breaks):

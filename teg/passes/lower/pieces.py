@@ -41,8 +41,6 @@ RESOLVED = 64 * 2.0**-52
 """A feature that is narrower, relative to its place, is lost in the rounding of places."""
 LARGEST = 1.7e308
 """Larger numbers are infinite."""
-FARTHEST = 1e300
-"""No place that is found at run time is as far away."""
 NEAR = 8.0
 """A centre that is nearer than so many of its widths to a bound, or to another centre, is seen by the nodes around that."""
 
@@ -73,10 +71,6 @@ class Pieces:
             breaks += self._mattering(found, analysis.matters[isolation.g], node.var, home)
         for location in analysis.located:
             breaks += self.roots.located(location, node.lo, node.hi, home, when)
-        for location in analysis.births:
-            found = self.roots.located(location, node.lo, node.hi, home, when)
-            none = self.out.assign(home, "ge0", self.out.assign(home, "sub", found[0], FARTHEST))
-            lo = self.out.assign(home, "select", none, lo, NAN)
         return lo, hi, breaks
 
     def _decisive(self, group: Sequence[Integral], home: Level) -> set[Expr]:
