@@ -299,7 +299,7 @@ def test_maps_are_verified_for_the_values_of_a_call(backend: str) -> None:
     e = teg.integral(teg.bracket(x**2 + y**2 < t), *SQUARE)
     m = polar() @ maps.scaling(r, q, k)
     f = teg.compile(e, maps=[m], backend=backend)
-    assert f.parameters == ("t", "k")
+    assert sorted(f.parameters) == ["k", "t"]
     assert f.grad(t=0.5, k=3.0)["t"] == pytest.approx(math.pi, rel=1e-12)
     for call in (f, f.grad, f.hessian):
         with pytest.raises(DiffeomorphismError) as caught:
