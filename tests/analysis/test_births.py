@@ -119,22 +119,6 @@ def test_moving_a_birth_changes_nothing(backend: str) -> None:
     assert f.value_and_grad(t=0.0, a=0.3, b=0.7) == (0.0, {"a": 0.0, "b": 0.0})
 
 
-@pytest.mark.parametrize("backend", ["numpy", "c"])
-def test_where_an_infinite_range_became_a_finite_one_nothing_is_born(backend: str) -> None:
-    """The boundary of x⁶ + xy + y² < t, by its formula: y is the upper root, between 0 and 1."""
-    level = 1.3
-    e = teg.integral(teg.bracket(x**6 + x * y + y**2 < t) * teg.exp(-(x**2) - y**2), (x, 0, math.inf), (y, 0, 1))
-
-    def density(u: mpmath.mpf) -> mpmath.mpf:
-        root = mpmath.sqrt(u**2 + 4 * (level - u**6))
-        return mpmath.exp(-(u**2) - ((root - u) / 2) ** 2) / root
-
-    first = mpmath.findroot(lambda u: u**6 + u - (level - 1), 0.3)
-    exact = float(mpmath.quad(density, [first, mpmath.mpf(level) ** (mpmath.mpf(1) / 6)]))
-    found = teg.compile(e, [t], backend=backend, inaccurate="ignore").grad(t=level)["t"]
-    assert found == pytest.approx(exact, rel=1e-9)
-
-
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_a_point_that_stays_singular_is_no_birth(backend: str) -> None:
     """The two loops of a lemniscate, whose area is a², meet in one point for every a."""

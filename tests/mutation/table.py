@@ -13,7 +13,7 @@ PASSES = (SMALL, NUMPY)
 MUTANTS: tuple[Mutant, ...] = (
     *mutants(
         "teg/passes/normalise/finite_bounds.py",
-        (SMALL,),
+        ("tests/passes/normalise/test_finite_bounds.py",),
         (
             "sign of an integral from infinity",
             "return mul(MINUS_ONE, cast(Expr, _visit(",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import mpmath
 import pytest
 
 import teg
@@ -36,6 +37,24 @@ def test_the_value_is_preserved() -> None:
     """∫∫ δ(x² + y² - t) over the plane is π."""
     e = teg.integral(teg.delta(x * x + y * y - t), (x, -math.inf, math.inf), (y, -math.inf, math.inf))
     assert teg.evaluate(e, t=2.0) == pytest.approx(math.pi, rel=1e-10)
+
+
+@pytest.mark.parametrize("backend", ["numpy", "c"])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_surfaces_without_formulas_move_over_infinite_ranges(sign: int, backend: str) -> None:
+    """The boundary of x⁶ + xy + y² < t, where y is between 0 and 1: the upper root of a quadratic."""
+    level = 1.3
+    bounds = (0, math.inf)[::sign]
+    e = teg.integral(teg.bracket(x**6 + x * y + y**2 < t) * teg.exp(-(x**2) - y**2), (x, *bounds), (y, 0, 1))
+
+    def density(u: mpmath.mpf) -> mpmath.mpf:
+        root = mpmath.sqrt(u**2 + 4 * (level - u**6))
+        return mpmath.exp(-(u**2) - ((root - u) / 2) ** 2) / root
+
+    first = mpmath.findroot(lambda u: u**6 + u - (level - 1), 0.3)
+    exact = float(mpmath.quad(density, [first, mpmath.mpf(level) ** (mpmath.mpf(1) / 6)]))
+    found = teg.compile(e, [t], backend=backend, inaccurate="ignore").grad(t=level)["t"]
+    assert found == pytest.approx(sign * exact, rel=1e-9)
 
 
 @pytest.mark.parametrize(
