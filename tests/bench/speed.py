@@ -236,7 +236,7 @@ PICTURES: dict[str, Way] = {
 loss, and its derivatives by vertices and by colours."""
 
 
-SIZES = ((CELLS, SIZE, 15), (4, 512, 15), (256, 4096, 3), (708, 4096, 3))
+SIZES = ((CELLS, SIZE, 61), (4, 512, 61), (256, 4096, 5), (708, 4096, 5))
 """Grids that are measured, with the size of their pictures, and runs."""
 
 
