@@ -14,6 +14,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 from teg.program import Arg, Assign, Program, Stmt, When, assigned, free_names, statements
+from teg.program.fields import absent
 from teg.program.names import is_condition, unused_numbers
 
 COSTS = {
@@ -33,8 +34,9 @@ Literal = tuple[str, bool]
 
 
 def with_lazy_choices(program: Program) -> Program:
-    """Returns the program in which long computations for one branch of a choice are made only where it is taken."""
-    if len(program.body) > MOST or not any(isinstance(s, Assign) and s.op == "select" for s in program.body):
+    """Returns the program in which long computations for one branch of a choice, or for a statement with a condition, are made only where
+    it is taken, or run."""
+    if len(program.body) > MOST or not any(s.op == "select" if isinstance(s, Assign) else s.when is not None for s in program.body):
         return program
     numbers = unused_numbers(n for s in statements(program.body) for n in assigned(s))
     body = _lazy(list(program.body), program.outputs, numbers, ())
@@ -77,8 +79,8 @@ def _needs(block: Sequence[Stmt], wanted: set[Arg]) -> dict[str, frozenset[Liter
                 note(name, frozenset({(when, True)} if when not in ("", name) else ()))
             continue
         own = needed.get(stmt.name, frozenset())
-        if stmt.op == "tie":  # stays, but where it is none unless a condition holds
-            own = own & _known_apart(made.get(stmt.args[0]))
+        if stmt.op == "tie":  # stays, unless it can be none where a condition fails
+            own = own & _without_which_none(*(made.get(a) for a in stmt.args[:2]))
         found[stmt.name] = own
         if stmt.op == "select" and isinstance(stmt.args[0], str):
             b, x, y = stmt.args
@@ -91,18 +93,27 @@ def _needs(block: Sequence[Stmt], wanted: set[Arg]) -> dict[str, frozenset[Liter
     return {name: conditions for name, conditions in found.items() if conditions}
 
 
-def _known_apart(g: Assign | None) -> frozenset[Literal]:
-    """Returns the conditions without which a function is a number other than 0."""
-    if g is not None and g.op == "select" and isinstance(g.args[2], float) and g.args[2] != 0.0:
-        return frozenset({(str(g.args[0]), True)})
-    return frozenset()
+def _without_which_none(g: Assign | None, scale: Assign | None) -> frozenset[Literal]:
+    """Returns the condition without which the value of a tie is a number other than 0 and its scale is 0: it is none then."""
+    if g is None or scale is None or (g.op, scale.op) != ("select", "select") or g.args[0] != scale.args[0]:
+        return frozenset()
+    apart = isinstance(g.args[2], float) and g.args[2] != 0.0 and scale.args[2] == 0.0
+    return frozenset({(str(g.args[0]), True)} if apart else ())
+
+
+def _without_condition(stmt: Stmt, condition: str) -> Stmt | None:
+    """Returns a statement as it stands in the branch of its own condition; None if it has another one, or none, or results other than 0
+    where that fails: those of a branch are 0."""
+    if isinstance(stmt, Assign | When) or stmt.when != condition or any(absent(stmt).values()):
+        return None
+    return replace(stmt, when=None)
 
 
 def _behind(
     block: list[Stmt], wanted: set[Arg], literal: Literal, members: set[str], numbers: Iterator[int], around: tuple[Literal, ...]
 ) -> list[Stmt]:
-    """Returns the block with some assignments, which are needed under a condition only, in a branch; `around` are the conditions of the
-    branches around it."""
+    """Returns the block with some assignments, which are needed under a condition only, and the statements with this condition, in a
+    branch; `around` are the conditions of the branches around it."""
     name, value = literal
     made = {n for s in block for n in assigned(s)}
     late: set[str] = set()  # what depends on users of the branch, or on the condition, which come after it
@@ -116,8 +127,8 @@ def _behind(
         if isinstance(stmt, Assign) and stmt.name in members and used.isdisjoint(late):
             body.append(stmt)
             inside.add(stmt.name)
-        elif value and not isinstance(stmt, Assign | When) and stmt.when == name and used.isdisjoint(late):
-            body.append(replace(stmt, when=None))
+        elif value and used.isdisjoint(late) and (conditioned := _without_condition(stmt, name)) is not None:
+            body.append(conditioned)
             inside.update(results)
         elif not used.isdisjoint(inside) or not used.isdisjoint(late):
             after.append(stmt)

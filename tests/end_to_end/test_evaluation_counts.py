@@ -10,11 +10,8 @@ import pytest
 
 import teg
 from teg import Expr
-from teg.backends.branches import with_branches
-from teg.backends.lazily import with_lazy_choices
 from teg.numerics.quadrature import gauss_legendre, triangle_rule
-from teg.program import Assign, Gauss, Integrate, Polygon, Program, statements
-from tests.bench.scenes import tetrahedron
+from teg.program import Gauss, Integrate, statements
 
 x, y, z = teg.vars("x y z")
 a, b, r, t = teg.params("a b r t")
@@ -218,16 +215,3 @@ def test_more_is_asked_for_more_is_done() -> None:
     counts = [teg.compile(e, tol=tol, backend="c").evaluations(at) for tol in (1e-4, 1e-7, 1e-10, 1e-13)]
     assert counts == sorted(counts)
     assert counts[0] < counts[-1]
-
-
-def test_what_a_face_needs_is_computed_only_where_its_plane_meets_the_box() -> None:
-    """The half-planes of a tetrahedron's faces, and whether they tie, stand in branches in C."""
-    program = teg.compile(*tetrahedron(), backend="numpy").program(1)
-    assert isinstance(program, Program)
-    lazy = with_lazy_choices(with_branches(program))
-    whole, outside = (sum(isinstance(s, Assign) for s in block) for block in (statements(program.body), lazy.body))
-    assert outside < 0.2 * whole
-    assert not any(isinstance(s, Polygon) for s in lazy.body)
-    faces = [s for s in statements(lazy.body) if isinstance(s, Polygon)]
-    assert len(faces) == 4
-    assert all(s.when is None for s in faces)

@@ -142,7 +142,7 @@ ELSEWHERE = {
         "parameter_steps": "tests/report/test_diagnose.py",
     },
     "teg/symbolic": dict.fromkeys(("nodes", "reader", "writer"), "tests/symbolic/test_reader_and_writer.py"),
-    "backends": {"branches": "tests/passes/program/test_group.py", "lazily": "tests/end_to_end/test_evaluation_counts.py"},
+    "backends": {"branches": "tests/passes/program/test_group.py"},
     "backends/c": {
         "batch": "tests/backends/c/test_evaluator.py",
         "bodies": "tests/backends/test_function.py",

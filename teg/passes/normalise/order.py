@@ -43,6 +43,8 @@ def _visit(_: Node, outer: Node) -> Node:
     if not any(_has_waves(g, inner.var) for g in atoms) or not all(_is_graph(g, outer.var) for g in atoms):
         return outer
     others = [f for f in factors if f is not inner]
+    if any(inner.var in f.free for f in others):  # of an integral around both, which the inner one hides
+        return outer
     return integral_over(integral_over(mul(*others, inner.body), outer.var, outer.lo, outer.hi), inner.var, inner.lo, inner.hi)
 
 
