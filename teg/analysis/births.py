@@ -37,11 +37,11 @@ MAX_POINTS = 16
 FLAT = 1e-10
 """A determinant, or a sum of minors, that is larger than this part of the squared sizes of the entries is not 0."""
 SMALL = 1e-9
-"""A number that is not larger may be 0."""
+"""A part of the size of a function elsewhere: a value that is not larger is 0 but for rounding."""
 HUGE = 1e300
-"""A larger derivative is infinite."""
+"""Larger derivatives and coordinates are infinite."""
 LEVEL = 1e-24
-"""One that is smaller than this is 0."""
+"""A determinant that is not larger than this part of the squared sizes of the entries is 0."""
 
 Point = tuple[dict[Var, Expr], Cond]
 """A critical point, or a line of them, on which one variable is free, and the condition under which it exists."""
@@ -63,7 +63,7 @@ def at_births(g: Expr, coefficient: Expr, chain: Chain) -> Expr:
     terms = []
     for point, exists in points or ():
         level = _at(g, point)
-        if level.free or _is_always_0(level):  # no line of critical points; or a point that stays singular, as the cusp of a cardioid
+        if level.free or _is_always_0(level, g):  # no line of critical points; or a point that stays singular, as the cusp of a cardioid
             continue
         here = [[_at(h, point) for h in row] for row in hessian]
         value = _on_line(point, here, chain) if len(point) < len(chain) else _at_point(point, coefficient, here, chain)
@@ -171,26 +171,28 @@ def critical_points(gradient: Sequence[Expr], chain: Chain) -> list[Point] | Non
                 known = {k: _at(e, new) for k, e in at.items()} | new
                 holds = conjunction(cast(Cond, substitute(exists, new)), root.exists)
                 left = [_at(e, new) for e in equations]
-                if holds is not FALSE and not any(_is_never_met(e) for e in left):
+                if holds is not FALSE and not any(map(_is_never_met, left, equations)):
                     waiting.append((known, holds, tuple(e for e in left if e.free)))
     return list(points.values())
 
 
-def _is_never_met(equation: Expr) -> bool:
-    """Returns whether an equation without variables does not hold, but for some values of its parameters."""
-    return not equation.free and SMALL < _somewhere(equation) < math.inf
+def _is_never_met(equation: Expr, before: Expr) -> bool:
+    """Returns whether an equation is left without variables and does not hold, but for some values of its parameters; `before` is what it
+    was."""
+    return not equation.free and math.isfinite(_somewhere(equation)) and not _is_always_0(equation, before)
 
 
-def _is_always_0(level: Expr) -> bool:
-    """Returns whether a number is 0 whatever its parameters are."""
-    return _somewhere(level) <= SMALL
+def _is_always_0(value: Expr, function: Expr) -> bool:
+    """Returns whether a value of a function is 0 whatever its parameters are, but for rounding."""
+    size = _somewhere(function)
+    return _somewhere(value) <= SMALL * (size if 0.0 < size < math.inf else 1.0)
 
 
-def _somewhere(number: Expr) -> float:
-    """Returns the size of a number at one place of its parameters; infinity where it has none."""
-    place: dict[Node, float] = {p: 0.37 + 0.11 / (k + 1.0) for k, p in enumerate(parameters(number))}
+def _somewhere(e: Expr) -> float:
+    """Returns the size of an expression at one place of its variables and parameters; infinity where it has none."""
+    names: list[Node] = [*sorted(e.free, key=str), *parameters(e)]
     try:
-        value = abs(float(values_of([number], place)[0]))
+        value = abs(float(values_of([e], {name: 0.37 + 0.11 / (k + 1.0) for k, name in enumerate(names)})[0]))
     except OperandError:
         return math.inf
     return math.inf if math.isnan(value) else value

@@ -134,3 +134,9 @@ def test_critical_points_at_infinity_are_none() -> None:
     g = 1 - x**2 - y**2 + b * (x**3 - 3 * x * y**2) + t
     f = teg.compile(teg.integral(teg.bracket(g > 0), (x, -2, 2), (y, -2, 2)), [t], backend="numpy")
     assert f.grad(t=0.0, b=0.0)["t"] == pytest.approx(math.pi, rel=1e-9)
+
+
+@pytest.mark.parametrize("size", [1e-30, 1e-10, 1e20])
+def test_the_size_of_a_surface_is_no_reason_to_take_it_for_0(size: float) -> None:
+    e = teg.integral(teg.bracket(size * (x**2 + y**2 + x**4) < size * t), *BOX)
+    assert gradient(e, "numpy", t=0.0)["t"] == pytest.approx(math.pi / 2, rel=1e-12)
