@@ -17,7 +17,7 @@ ABREAST_ON_STACK = 128
 SHORT = 40
 """Statements of an integral that is compared with others."""
 MANY = 8
-"""Breaks up to which none is left out before they are sorted."""
+"""Of more breaks those outside of the interval are left out before the others are sorted."""
 
 
 class Integrals:

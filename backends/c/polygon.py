@@ -111,7 +111,6 @@ def polygon(stmt: Polygon, frame: Frame, distinct: Sequence[Arg], lanes: int, co
             "int thin = 0;",
             f"const int corners = teg_triangle({arguments}, at, {scope(stmt.across)}, p, &thin);",
         ]
-    kind, width = (f"teg_lanes_{lanes}", f"(int)(sizeof(teg_lanes_{lanes}) / sizeof(double))") if lanes > 1 else ("double", "1")
     return [
         f"const teg_half_plane planes[{n}] = {{",
         *indent(*planes),
@@ -126,18 +125,29 @@ def polygon(stmt: Polygon, frame: Frame, distinct: Sequence[Arg], lanes: int, co
         f"const int nodes = teg_fan{which}(corners, px, py, {table}at_x, at_y, weights);",
         *carried,
         *([f"if (corners > 2) ctx->evaluations += {len(rule)}{' * (corners - 2)' if stmt.degree else ''};"] if counted else []),
-        f"{kind} s[{len(distinct)}] = {{{{0.0}}}};" if lanes > 1 else f"double s[{len(distinct)}] = {{0.0}};",
+        zero_sums(len(distinct), lanes),
+        *at_nodes(names, frame.block(1), lanes),
+        *totals(stmt, distinct, scope, lanes),
+    ]
+
+
+def zero_sums(count: int, lanes: int) -> str:
+    """Returns the declaration of sums that are 0."""
+    return f"teg_lanes_{lanes} s[{count}] = {{{{0.0}}}};" if lanes > 1 else f"double s[{count}] = {{0.0}};"
+
+
+def at_nodes(names: Sequence[str], block: Sequence[str], lanes: int) -> list[str]:
+    """Returns the loop over nodes, so many of them side by side; their coordinates stand in arrays at_… and weights."""
+    kind, width = (f"teg_lanes_{lanes}", f"(int)(sizeof(teg_lanes_{lanes}) / sizeof(double))") if lanes > 1 else ("double", "1")
+    arrays = [*((name, f"at_{name}") for name in names), ("weight", "weights")]
+    return [
         f"for (int k = 0; k < nodes; k += {width}) {{",
         *indent(
-            *(
-                f"const {kind} {name} = *(const {kind} *)({array} + k);"
-                for name, array in (*((name, f"at_{name}") for name in names), ("weight", "weights"))
-            ),
+            *(f"const {kind} {name} = *(const {kind} *)({array} + k);" for name, array in arrays),
             " ".join(f"(void){name};" for name in names),
-            *in_lanes(frame.block(1), lanes),
+            *in_lanes(block, lanes),
         ),
         "}",
-        *totals(stmt, distinct, scope, lanes),
     ]
 
 

@@ -5,16 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from teg.backends.c.frame import Frame
-from teg.backends.c.polygon import LANES, in_lanes, leave, totals
+from teg.backends.c.polygon import LANES, at_nodes, leave, totals, zero_sums
 from teg.backends.c.runtime import room_of_solid
 from teg.backends.c.text import indent, literal, packed
+from teg.numerics.polyhedra import SIDES
 from teg.numerics.quadrature import tetrahedron_rule
 from teg.program import Arg, Polyhedron
 
 TOGETHER = 32
 """Nodes that are computed before the next tetrahedra, about."""
-FACES = 6
-"""Of a box."""
 
 
 def polyhedron_lanes(degree: int) -> int:
@@ -28,8 +27,7 @@ def polyhedron(stmt: Polyhedron, frame: Frame, distinct: Sequence[Arg], lanes: i
     n, count = len(stmt.half_spaces), len(stmt.results)
     room = room_of_solid(n)
     spaces = packed((f"{{{', '.join(map(scope, (*g.slopes, g.offset)))}, {int(g.closed)}}}" for g in stmt.half_spaces), "", ", ", ",")
-    kind, width = (f"teg_lanes_{lanes}", f"(int)(sizeof(teg_lanes_{lanes}) / sizeof(double))") if lanes > 1 else ("double", "1")
-    before, loop = _nodes(stmt.degree, FACES + n)
+    before, loop = _nodes(stmt.degree, SIDES + n)
     return [
         f"const teg_half_space spaces[{n}] = {{",
         *indent(*spaces),
@@ -44,21 +42,9 @@ def polyhedron(stmt: Polyhedron, frame: Frame, distinct: Sequence[Arg], lanes: i
         "}",
         *frame.block(0),
         *before,
-        f"{kind} s[{len(distinct)}] = {{{{0.0}}}};" if lanes > 1 else f"double s[{len(distinct)}] = {{0.0}};",
+        zero_sums(len(distinct), lanes),
         *loop,
-        *indent(
-            *(["ctx->evaluations += nodes;"] if counted else []),
-            f"for (int k = 0; k < nodes; k += {width}) {{",
-            *indent(
-                *(
-                    f"const {kind} {name} = *(const {kind} *)({array} + k);"
-                    for name, array in (*((name, f"at_{name}") for name in "xyz"), ("weight", "weights"))
-                ),
-                " ".join(f"(void){name};" for name in "xyz"),
-                *in_lanes(frame.block(1), lanes),
-            ),
-            "}",
-        ),
+        *indent(*(["ctx->evaluations += nodes;"] if counted else []), *at_nodes("xyz", frame.block(1), lanes)),
         "}",
         *totals(stmt, distinct, scope, lanes),
     ]

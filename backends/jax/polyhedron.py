@@ -42,12 +42,12 @@ def polyhedron(
         return polyhedra.clipped(jnp, solid, SIDES + k, (a, b, c, d), scale, zero)
 
     found = polyhedra.tetrahedra(jnp, jax.lax.fori_loop(0, len(spaces), cut, solid))
-    sums, note = (_at_centroid if degree <= 1 else _on_tetrahedra)(found, degree, body)
+    sums, note = _at_centroid(found, body) if degree <= 1 else _on_tetrahedra(found, degree, body)
     nothing = jnp.where(when & ~fails & ~known, jnp.nan, 0.0)
     return tuple(jnp.where(there, v * factor, nothing) for v, factor in zip(sums, factors, strict=True)), where(there, note)
 
 
-def _at_centroid(found: polyhedra.Tetrahedra, degree: int, body: Body) -> tuple[Sequence[Scalar], Note]:
+def _at_centroid(found: polyhedra.Tetrahedra, body: Body) -> tuple[Sequence[Scalar], Note]:
     """The integrals of linear functions, and the note."""
     at, volume = polyhedra.centroid(jnp, found)
     values, note = body(*entries.entries(at))

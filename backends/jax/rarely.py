@@ -69,9 +69,11 @@ def _plain(*operands: Any, exact: Any, mapped: Sequence[bool]) -> list[Any]:
             exactly = parts(*own)
             return start + part, [old.at[chosen].set(new, mode="drop") for old, new in zip(results, exactly, strict=True)]
 
-        return lax.while_loop(lambda at: lax.dynamic_index_in_dim(places, at[0], keepdims=False) < size, turn, (jnp.int32(0), list(found)))[
-            1
-        ]
+        def is_left(at: tuple[Any, list[Any]]) -> Any:
+            return lax.dynamic_index_in_dim(places, at[0], keepdims=False) < size
+
+        _, results = lax.while_loop(is_left, turn, (jnp.int32(0), list(found)))
+        return results
 
     rest: list[Any] = lax.cond(jnp.all(good), lambda: list(found), others)
     return rest

@@ -59,13 +59,12 @@ class Domain:
 
 
 @dataclass(frozen=True, slots=True)
-class PolygonIntegral(Domain):
-    """A `Polygon`. `closed` says for each half-plane whether it is closed, and `triangle` whether three corners and the value across come
-    after the half-planes. `setup` returns the arguments of `body`, then the factors."""
+class BoxDomain(Domain):
+    """The common part of polyhedra and polygons, whose box is clipped by halves. `closed` says for each whether it is closed. `setup`
+    returns the arguments of `body`, then the factors."""
 
     closed: tuple[bool, ...]
     degree: int
-    triangle: bool = False
 
     def __call__(
         self,
@@ -75,14 +74,32 @@ class PolygonIntegral(Domain):
         for_body: tuple[Value, ...],
         when: Value = True,
     ) -> tuple[Value, ...]:
-        """Returns the results, of the arguments' common shape; `box`: its width and its height, then half-planes."""
+        """Returns the results, of the arguments' common shape; `box`: its extents, then the numbers of the halves."""
         first, second = len(box), len(box) + len(for_setup)
 
         def work(given: Sequence[Array], lanes: int) -> Array:
             return self._lanes(run, given[:first], given[first:second], given[second:], lanes)
 
-        step = run.chunk(8 * (4 + len(self.closed)) + len(for_setup) + len(for_body))
+        step = run.chunk(self._room() + len(for_setup) + len(for_body))
         return on_lanes(work, (*box, *for_setup, *for_body), when, self.values, 0.0, step)
+
+    def _room(self) -> int:
+        """Returns the doubles that clipping takes."""
+        raise NotImplementedError
+
+    def _lanes(self, run: Run, box: Sequence[Array], for_setup: Sequence[Array], for_body: Sequence[Array], lanes: int) -> Array:
+        """Returns the results of some lanes, (values, lanes)."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True, slots=True)
+class PolygonIntegral(BoxDomain):
+    """A `Polygon`. `triangle` says whether three corners and the value across come after the half-planes."""
+
+    triangle: bool = False
+
+    def _room(self) -> int:
+        return 8 * (4 + len(self.closed))
 
     def _lanes(self, run: Run, box: Sequence[Array], for_setup: Sequence[Array], for_body: Sequence[Array], lanes: int) -> Array:
         width, height, *planes = (np.broadcast_to(v, (lanes,)) for v in box)

@@ -14,37 +14,19 @@ from typing import cast
 
 import numpy as np
 
-from teg.backends.numpy.lanes import Run, Value, gather, on_lanes
-from teg.backends.numpy.polygon import Array, Domain, Nodes, times
+from teg.backends.numpy.lanes import Run, gather
+from teg.backends.numpy.polygon import Array, BoxDomain, Nodes, times
 from teg.backends.shared import polygons, polyhedra
 from teg.numerics.polyhedra import SIDES
 from teg.numerics.quadrature import tetrahedron_rule
 
 
 @dataclass(frozen=True, slots=True)
-class PolyhedronIntegral(Domain):
-    """A `Polyhedron`. `closed` says for each half-space whether it is closed. `setup` returns the arguments of `body`, then the factors."""
+class PolyhedronIntegral(BoxDomain):
+    """A `Polyhedron`."""
 
-    closed: tuple[bool, ...]
-    degree: int
-
-    def __call__(
-        self,
-        run: Run,
-        box: tuple[Value, ...],
-        for_setup: tuple[Value, ...],
-        for_body: tuple[Value, ...],
-        when: Value = True,
-    ) -> tuple[Value, ...]:
-        """Returns the results, of the arguments' common shape; `box`: its extents, then half-spaces."""
-        first, second = len(box), len(box) + len(for_setup)
-
-        def work(given: Sequence[Array], lanes: int) -> Array:
-            return self._lanes(run, given[:first], given[first:second], given[second:], lanes)
-
-        faces = polyhedra.faces_of(len(self.closed))
-        step = run.chunk(24 * faces * faces + len(for_setup) + len(for_body))
-        return on_lanes(work, (*box, *for_setup, *for_body), when, self.values, 0.0, step)
+    def _room(self) -> int:
+        return 24 * polyhedra.faces_of(len(self.closed)) ** 2
 
     def _lanes(self, run: Run, box: Sequence[Array], for_setup: Sequence[Array], for_body: Sequence[Array], lanes: int) -> Array:
         numbers = np.array([np.broadcast_to(v, (lanes,)) for v in box])

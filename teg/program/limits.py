@@ -102,6 +102,8 @@ NEAR_SIDE = 2.0**-10
 """A side at whose ends a bilinear function is so small, compared with all corners, may be a tie."""
 SMALLEST = 1e-140
 """The products of numbers that are smaller, or larger than its inverse, may be lost: they are divided first."""
+INFINITE = 1.7e308
+"""Numbers that are larger are infinite."""
 LARGEST_RATIO = 1e24
 """Of the slopes at both ends of a branch that begins or ends on an asymptote, to rounding."""
 SADDLE = 8 * 2.0**-52

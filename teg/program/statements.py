@@ -310,7 +310,7 @@ class Polygon:
 
 @dataclass(frozen=True, slots=True)
 class HalfSpace:
-    """d + a·u + b·v + c·w > 0, or >= 0 if it is closed; `slopes` are a, b and c."""
+    """d + a·u + b·v + c·w > 0, or >= 0 if it is closed; `slopes` are a, b and c, `offset` is d."""
 
     slopes: Annotated[tuple[Arg, ...], NUMBER]
     offset: Annotated[Arg, NUMBER]
@@ -323,9 +323,9 @@ class Polyhedron:
 
     The `variables` u, v and w are offsets from a corner of the box, 0 and an extent apart (one may be negative: then the volume changes
     its sign). A half-space fails, and numbers that are not finite give NaN, as those of a `Polygon`. The box is clipped by each half-space
-    whose least value is < 0. A corner is outside of it if its value is < -CLIP_EPS·scale, with scale = |d| + |a·width| + |b·height| +
-    |c·depth|; an edge with one end outside is cut where the value is 0, at the other end if that is not inside. Where each face is cut,
-    the cut is an edge of it and of the new face: whichever corners rounding puts outside, the faces stay closed. No other edge is moved.
+    whose least value is < 0. A corner is outside if the value there is < -CLIP_EPS·scale, with scale = |d| + |a·width| + |b·height| +
+    |c·depth|. An edge with one end outside is cut where the value is 0, and at its other end if the value is negative there too, but for
+    rounding. Where a face is cut, the cut is an edge of it and of the new face: whichever corners rounding puts outside, faces stay closed.
 
     With `degree` 0 or 1 the node is the centroid. Else results are sums of `teg.numerics.quadrature.tetrahedron_rule(degree)` over
     tetrahedra, one for each edge of each face: the mean of all ends of edges, that of the face, and the edge. The corner of the rule at

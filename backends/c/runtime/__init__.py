@@ -11,6 +11,7 @@ from teg.backends.c.chunks import MARKED
 from teg.backends.c.text import identifiers
 from teg.numerics.cells import BESIDE, EPSILON, MOST_DEGREE, MOST_GUARDS, PLACES, SAME, SHIFT, SKEW, TILE_AT, monomials
 from teg.numerics.cells import ROUNDING as KEY_ROUNDING
+from teg.numerics.polyhedra import SIDES, box_edges
 from teg.program import (
     ABSOLUTE_FLOOR,
     BOX_COST,
@@ -79,9 +80,9 @@ CORNERS = 8
 
 
 def room_of_solid(half_spaces: int) -> int:
-    """Returns the largest number of corners, and of edges, of a box cut by half-spaces with those that were cut off: each cuts an edge for
-    each face there is, at most."""
-    return 12 + sum(range(6, 6 + half_spaces))
+    """Returns the largest number of corners, and of edges, of a box that half-spaces cut, with those that are cut off: each half-space adds
+    one for each face that is there, at most."""
+    return len(box_edges()) + sum(range(SIDES, SIDES + half_spaces))
 
 
 LIMITS = {
@@ -112,7 +113,7 @@ LIMITS = {
     "TEG_HALF_PLANES": MAX_HALF_PLANES,
     "TEG_CORNERS": 2 * (4 + MAX_HALF_PLANES),
     "TEG_HALF_SPACES": MAX_HALF_SPACES,
-    "TEG_SOLID_FACES": 6 + MAX_HALF_SPACES,
+    "TEG_SOLID_FACES": SIDES + MAX_HALF_SPACES,
     "TEG_SOLID": room_of_solid(MAX_HALF_SPACES),
     "TEG_CLIP_EPS": CLIP_EPS,
     "TEG_SIDES": 2 * (4 + MAX_CUTS),

@@ -32,15 +32,13 @@ from teg.passes.lower.emit import NAN, Emitter
 from teg.passes.lower.levels import Level
 from teg.passes.lower.roots import Roots
 from teg.passes.lower.rules import Rules
-from teg.program import TIE_EPS, Adaptive, Arg, Bend, Rule
+from teg.program import INFINITE, TIE_EPS, Adaptive, Arg, Bend, Rule
 
 MAX_SCALES = 4
 PEAK = 8.5
 """A Gaussian is 0 to rounding beyond this many standard deviations: exp(-8.5²/2) = 2e-16."""
 RESOLVED = 64 * 2.0**-52
 """A feature that is narrower, relative to its place, is lost in the rounding of places."""
-LARGEST = 1.7e308
-"""Larger numbers are infinite."""
 NEAR = 8.0
 """A centre that is nearer than so many of its widths to a bound, or to another centre, is seen by the nodes around that."""
 
@@ -215,7 +213,7 @@ class Pieces:
             found += [conjunction(positive(c.width), _is_unresolved(c.place, c.width)) for c in poles]
         flag = out.truths(disjunction(*found), home)[0]
         for number in [c for b in bends if b.when is True for c in b.coefficients if isinstance(c, str)]:
-            large = out.assign(home, "gt0", out.assign(home, "sub", out.assign(home, "abs", number), LARGEST))
+            large = out.assign(home, "gt0", out.assign(home, "sub", out.assign(home, "abs", number), INFINITE))
             flag = large if flag is False else out.assign(home, "or", flag, large)
         return flag
 

@@ -10,13 +10,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 
-from teg.program import Arg, Assign, Stmt
+from teg.program import INFINITE, Arg, Assign, Stmt
 from teg.program.operations import letter_of
 
 STEEP = ("div", "powi", "pow", "log", "log1p", "sqrt", "asin", "acos", "tan", "atan2")
 """Operations whose slope can be infinite."""
-LARGEST = 1.7e308
-"""Larger numbers are infinite."""
 Errors = dict[Arg, Arg]
 """By name: the error of a number (0.0 if it is not there), or whether a condition is doubtful (False if it is not there)."""
 Functions = dict[tuple[object, tuple[int, ...]], int]
@@ -157,7 +155,7 @@ class Propagation:
         """Returns the error of a quotient that comes from its divisor: 0 where that is infinite, as cosh(u) far away is with its error."""
         if error == 0.0:
             return 0.0
-        endless = self.op(out, "gt0", self.op(out, "sub", self.op(out, "abs", divisor), LARGEST))
+        endless = self.op(out, "gt0", self.op(out, "sub", self.op(out, "abs", divisor), INFINITE))
         return self.op(out, "select", endless, 0.0, error)
 
     def _of_call(self, args: Sequence[Arg], errors: Sequence[Arg], out: list[Stmt]) -> Arg:

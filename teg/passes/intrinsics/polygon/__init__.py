@@ -9,6 +9,7 @@ off         integrals by pieces, with a break wherever three planes or two lines
 from __future__ import annotations
 
 from teg.ir.integral import Integral, masses_of
+from teg.numerics.polyhedra import SIDES
 from teg.numerics.quadrature import tetrahedron_rule, triangle_rule
 from teg.passes.intrinsics.polygon.adjoints import with_adjoints
 from teg.passes.intrinsics.polygon.errors import numbers_of, with_errors
@@ -16,9 +17,6 @@ from teg.passes.intrinsics.polygon.lowering import PolygonLowering
 from teg.passes.intrinsics.polygon.match import match_clipped
 from teg.passes.lower.intrinsic import Description, Intrinsic, Statement
 from teg.program import Polygon, Polyhedron, Segment
-
-SIDES = 6
-"""Of a box in three variables."""
 
 
 def describe(node: Integral) -> Description | None:
