@@ -164,7 +164,11 @@ ELSEWHERE = {
         "team": "tests/backends/c/test_threads.py",
         "text": "tests/backends/c/test_names.py",
     },
-    "backends/jax": {"derivative": "tests/interop/test_jax.py", "precision": "tests/interop/test_jax.py"},
+    "backends/jax": {
+        "derivative": "tests/interop/test_jax.py",
+        "precision": "tests/interop/test_jax.py",
+        "printer": "tests/backends/jax/test_kernel.py",
+    },
     "backends/torch": {"derivative": "tests/interop/test_torch.py", "graphs": "tests/interop/test_torch.py"},
 }
 """By folder: modules without a test of their own name, and the test that is theirs."""

@@ -15,7 +15,8 @@ from tests.bench.scenes import half_planes, triangle_pixel
 jax = pytest.importorskip("jax")
 
 from teg.backends.jax import straight as jax_straight  # noqa: E402
-from teg.backends.jax.kernel import DIALECT, compile_jax  # noqa: E402
+from teg.backends.jax.kernel import compile_jax  # noqa: E402
+from teg.backends.jax.printer import DIALECT  # noqa: E402
 from teg.backends.jax.straight import straight  # noqa: E402
 
 pytestmark = [pytest.mark.usefixtures("x64", "derived_once")]
