@@ -10,6 +10,7 @@ start from their own vertices, whose barycentric coordinates are carried along.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -59,7 +60,7 @@ class Domain:
 
 
 @dataclass(frozen=True, slots=True)
-class BoxDomain(Domain):
+class BoxDomain(Domain, ABC):
     """The common part of polyhedra and polygons, whose box is clipped by halves. `closed` says for each whether it is closed. `setup`
     returns the arguments of `body`, then the factors."""
 
@@ -83,13 +84,13 @@ class BoxDomain(Domain):
         step = run.chunk(self._room() + len(for_setup) + len(for_body))
         return on_lanes(work, (*box, *for_setup, *for_body), when, self.values, 0.0, step)
 
+    @abstractmethod
     def _room(self) -> int:
         """Returns the doubles that clipping takes."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _lanes(self, run: Run, box: Sequence[Array], for_setup: Sequence[Array], for_body: Sequence[Array], lanes: int) -> Array:
         """Returns the results of some lanes, (values, lanes)."""
-        raise NotImplementedError
 
 
 @dataclass(frozen=True, slots=True)
