@@ -65,33 +65,34 @@ def function(narrow: str, known: Narrowing, indices: Container[int], varying: Co
         f"const {TRUTH} told = {call('lo[k]', 'first')} | {call('lo[k] + steps', 'last')};",
         "const double near = 1e-6 + 1e-14 * steps;",
         "double start = 0.0, stop = steps, since = -1.0, until = (told & 2) ? -1.0 : steps + 1.0;",
-        "double fall, place;",
+        "double fall, place, end, least = 1.0, sound = 0.0;",
         f"{TRUTH} known;",
     ]
     for m in range(count):
         g, h = f"first[{m}]", f"last[{m}]"
         inside += [f"fall = {g} - {h}, place = steps * ({g} / fall);"]
-        inside += ["known = (place >= 0.0) & (place <= steps) & (fall - fall == 0.0);"]
         if m < heights:
             inside += [
-                f"start = known & ({g} < 0.0) & ({h} >= 0.0) & (place - near > start) ? place - near : start;",
-                f"stop = known & ({g} >= 0.0) & ({h} < 0.0) & (place + near < stop) ? place + near : stop;",
+                "end = fall < 0.0 ? place - near : 0.0, start = end > start ? end : start;",
+                "end = (fall > 0.0) & (fall - fall == 0.0) ? place + near : steps, stop = end < stop ? end : stop;",
                 f"stop = ({g} < 0.0) & ({h} < 0.0) ? -1.0 : stop;",
             ]
         else:
             inside += [
-                f"since = ({g} > 0.0) | !(place + near > since) ? since : place + near;",
-                f"until = ({h} > 0.0) | !(place - near < until) ? until : place - near;",
-                f"until = (({g} > 0.0) & ({h} > 0.0) & (fall - fall == 0.0)) | (known & (({g} > 0.0) | ({h} > 0.0))) ? until : -1.0;",
+                "end = fall < 0.0 ? place + near : -1.0, since = end > since ? end : since;",
+                "end = fall > 0.0 ? place - near : steps + 1.0, until = end < until ? end : until;",
+                f"end = {g} > {h} ? {g} : {h}, least = end < least ? end : least, sound += fall - fall;",
             ]
         if m in planes:
             holds, fails = (f"{end}_{planes[m]}" for end in HELD)
             inside += [
-                f"const double {holds} = {g} > 0.0 ? 0.0 : known & ({h} > 0.0) ? floor(place) + 1.0 : steps + 1.0;",
-                f"const double {fails} = {h} > 0.0 ? steps + 1.0 : known & ({g} > 0.0) ? ceil(place) : 0.0;",
+                f"const double {holds} = {h} > 0.0 ? {g} > 0.0 ? 0.0 : floor(place) + 1.0 : {g} > 0.0 ? 0.0 : steps + 1.0;",
+                f"const double {fails} = {h} > 0.0 ? steps + 1.0 : {g} > 0.0 ? ceil(place) : 0.0;",
             ]
     inside += [
+        "until = (least > 0.0) & (sound == 0.0) ? until : -1.0;",
         "start = ceil(start), stop = floor(stop) + 1.0, since = floor(since) + 1.0, until = ceil(until);",
+        "stop = stop > 0.0 ? stop : 0.0;",
         "since = since > start ? since : start, until = until < stop ? until : stop;",
         "start = start < stop ? start : stop;",
         "spans[0][k] = start, spans[1][k] = stop;",
@@ -102,7 +103,7 @@ def function(narrow: str, known: Narrowing, indices: Container[int], varying: Co
     ]
     inputs = [i for i in known.inputs if i not in indices]
     given = signature(inputs, varying, "const double *lo", "const double *length", f"double (*restrict spans)[{SIDE}]")
-    return wrapped([f"TEG_APART void @({given})", "{", *indent(f"for ({TRUTH} k = 0; k < {SIDE}; k++) {{", *indent(*inside), "}"), "}"])
+    return wrapped([f"TEG_EIGHT void @({given})", "{", *indent(f"for ({TRUTH} k = 0; k < {SIDE}; k++) {{", *indent(*inside), "}"), "}"])
 
 
 def _told_apart(count: int) -> list[str]:

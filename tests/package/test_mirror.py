@@ -157,7 +157,6 @@ ELSEWHERE = {
         "routines": "tests/backends/c/test_kernel.py",
         "unit": "tests/backends/c/test_kernel.py",
         "quadrature": "tests/backends/c/test_kernel.py",
-        "spans": "tests/backends/c/test_ranges.py",
         "steps": "tests/backends/test_arrays.py",
         "straights": "tests/backends/c/test_lanes.py",
         "tabled_kernel": "tests/end_to_end/test_alike_terms.py",
