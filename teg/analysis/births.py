@@ -235,8 +235,7 @@ def _factors(e: Expr) -> Sequence[Node] | None:
     common = {b: n for b in terms[0] if b.free and (n := min(t.get(b, 0) for t in terms)) > 0}
     if not common:
         return None
-    divisor = mul(*(integer_power(b, -n) for b, n in common.items()))
-    return [*common, add(*(mul(t, divisor) for t in e.children))]
+    return [*common, add(*(mul(*(integer_power(b, n - common.get(b, 0)) for b, n in t.items())) for t in terms))]
 
 
 def _powers(term: Node) -> dict[Expr, int]:

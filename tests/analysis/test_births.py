@@ -140,3 +140,14 @@ def test_critical_points_at_infinity_are_none() -> None:
 def test_the_size_of_a_surface_is_no_reason_to_take_it_for_0(size: float) -> None:
     e = teg.integral(teg.bracket(size * (x**2 + y**2 + x**4) < size * t), *BOX)
     assert gradient(e, "numpy", t=0.0)["t"] == pytest.approx(math.pi / 2, rel=1e-12)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_products_of_one_product(backend: str) -> None:
+    """Where the slopes of a surface share factors that are choices. Reference: an area by its distribution function, with 40 digits."""
+    k, factors = teg.index("k"), teg.array("a", 1)
+    inside = teg.prod(1 - factors[k] * x * y, (k, 0, teg.length(factors, 0))) < 0.9
+    f = teg.compile(teg.integral(teg.bracket(inside), *CORNER), [factors], backend=backend)
+    value, slopes = f.value_and_grad(a=[0.3, 0.5, -0.2])
+    assert value == pytest.approx(0.5351210985929940, rel=1e-14)
+    assert slopes["a"] == pytest.approx([0.4705366844736256, 0.4876212237478039, 0.4326411124718597], rel=1e-12)
