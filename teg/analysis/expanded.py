@@ -112,9 +112,10 @@ def distance(lo: Expr, hi: Expr) -> Expr:
     return difference if short is None or _length(short) >= _length(difference) else short
 
 
-def perfect_power(e: Expr) -> tuple[int, Expr, int] | None:
-    """Returns (sign of c, h, k) with e = c·hᵏ, c a number and k > 1 as large as possible; None if e is no such power."""
-    form, generators = _normal_form(e, MOST_TERMS)
+def perfect_power(e: Expr, exact: bool = True) -> tuple[int, Expr, int] | None:
+    """Returns (sign of c, h, k) with e = c·hᵏ, c a number and k > 1 as large as possible; None if e is no such power, or if a number in h
+    is not exact as float64. Without `exact`, the numbers in h are rounded, and e may be longer."""
+    form, generators = _normal_form(e, MOST_TERMS if exact else 4 * MOST_TERMS)
     if not form:
         return None
     lead = max(form, key=lambda m: _dense(m, len(generators)))
@@ -122,8 +123,8 @@ def perfect_power(e: Expr) -> tuple[int, Expr, int] | None:
     for k in range(shared, 1, -1):
         base = _root(form, lead, k, len(generators)) if shared % k == 0 else None
         if base is not None:
-            scale = math.lcm(*(c.denominator for c in base.values()))
-            h = _from_form({m: c * scale for m, c in base.items()}, generators)
+            scale = math.lcm(*(c.denominator for c in base.values())) if exact else 1
+            h = _from_form({m: c * scale for m, c in base.items()}, generators, exact)
             return None if h is None else (1 if form[lead] > 0 else -1, h, k)
     return None
 
@@ -181,14 +182,35 @@ def _is_float(number: Fraction) -> bool:
         return False
 
 
-def _from_form(form: Form, generators: Sequence[Expr]) -> Expr | None:
-    """Returns a form as an expression; None if a number in it is not exact as float64."""
+def _from_form(form: Form, generators: Sequence[Expr], exact: bool = True) -> Expr | None:
+    """Returns a form as an expression; None if a number in it must be `exact` as float64, and is not."""
     terms = []
     for m, coefficient in form.items():
-        if not _is_float(coefficient):
+        if exact and not _is_float(coefficient):
             return None
         terms.append(mul(const(float(coefficient)), *(generators[i] ** k for i, k in m)))
     return add(*terms)
+
+
+class _Generators:
+    """The generators of a normal form, numbered as they come."""
+
+    def __init__(self) -> None:
+        self.all: list[Expr] = []
+        self._number: dict[Expr, int] = {}
+
+    def index(self, e: Expr) -> int:
+        """Returns the number of a generator."""
+        if e not in self._number:
+            self._number[e] = len(self.all)
+            self.all.append(e)
+        return self._number[e]
+
+    def inverse(self, monomial: Form, k: int) -> Form:
+        """Returns the power -k of a monomial. 1/a is a generator of its own, so a root of a form has no negative powers of a."""
+        ((powers, weight),) = monomial.items()
+        inverse = [(i if j < 0 else self.index(self.all[i] ** -1), k * abs(j)) for i, j in powers]
+        return {tuple(sorted(inverse)): weight**-k}
 
 
 def _normal_form(e: Expr, limit: int, kept: frozenset[Expr] = frozenset()) -> tuple[Form | None, list[Expr]]:
@@ -197,8 +219,7 @@ def _normal_form(e: Expr, limit: int, kept: frozenset[Expr] = frozenset()) -> tu
     Generators are the nodes that are not sums, products or integer powers, and the nodes in `kept`.
     """
     forms: dict[Expr, Form | None] = {}
-    atoms: list[Expr] = []
-    number: dict[Expr, int] = {}
+    generators = _Generators()
     stack: list[Expr] = [e]
     while stack:
         node = stack[-1]
@@ -229,11 +250,11 @@ def _normal_form(e: Expr, limit: int, kept: frozenset[Expr] = frozenset()) -> tu
             for c in node.children if isinstance(node, Mul) else (node.base,) * node.exponent:
                 part = forms[c]
                 form = None if form is None or part is None else _product(form, part, 4 * limit)
+        elif isinstance(node, Pow) and node.exponent < 0 and len(forms[node.base] or ()) == 1:
+            form = generators.inverse(forms[node.base] or {}, -node.exponent)
         else:
-            base, k = (node.base, node.exponent) if isinstance(node, Pow) and len(forms.get(node.base) or {}) != 1 else (node, 1)
-            form = {((number.setdefault(base, len(number)), k),): Fraction(1)}
-            if len(number) > len(atoms):
-                atoms.append(base)
+            base, k = (node.base, node.exponent) if isinstance(node, Pow) else (node, 1)
+            form = {((generators.index(base), k),): Fraction(1)}
         forms[node] = form
     result = forms[e]
-    return (None if result is None or len(result) > limit else result), atoms
+    return (None if result is None or len(result) > limit else result), generators.all

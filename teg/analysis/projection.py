@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, cast
 from teg.analysis.branches import branches_of
 from teg.analysis.calculus import slope
 from teg.analysis.coincidence import coincide
+from teg.analysis.expanded import perfect_power
 from teg.analysis.isolation import MARGIN
 from teg.analysis.polynomial import Shadow
 from teg.analysis.roots import Roots, discriminant, far_origin, local_origin, quadratic_coefficients
@@ -263,6 +264,8 @@ def _resultant(first: tuple[Expr, Expr, Expr], second: tuple[Expr, Expr, Expr]) 
     (a1, b1, c1), (a2, b2, c2) = first, second
     linear = sub(mul(b1, c2), mul(b2, c1))
     result = sub(integer_power(sub(mul(a1, c2), mul(a2, c1)), 2), mul(sub(mul(a1, b2), mul(a2, b1)), linear))
+    power = perfect_power(result, exact=False)  # a double root is found by half of the digits only
+    result = result if power is None else power[1]
     if a1.free or a2.free or isinstance(a1, Const) or isinstance(a2, Const):
         return result
     return where(positive(add(call("magnitude", a1), call("magnitude", a2))), result, linear)

@@ -52,6 +52,26 @@ def test_perfect_powers(e: teg.Expr, k: int) -> None:
     assert (ratios[0] > 0) == (sign > 0)
 
 
+def test_powers_of_quotients() -> None:
+    """1/a² is the square of 1/a, and 1/a⁴ that of 1/a²."""
+    root = x**2 - (a * y - 1) ** 2 / a**2
+    found = perfect_power(x**4 - 2 * x**2 * ((a * y - 1) / a) ** 2 + (a * y - 1) ** 4 / a**4)
+    assert found is not None
+    assert found[2] == 2
+    at = {x: 0.7, y: 0.3, a: 0.25}
+    assert abs(values_of([found[1]], at)[0]) == pytest.approx(abs(values_of([root], at)[0]), rel=1e-14)
+
+
+def test_numbers_of_a_root_that_must_be_rounded() -> None:
+    root = (x - 0.1) ** 2 - y
+    square = (x - 0.1) ** 4 - 2 * (x - 0.1) ** 2 * y + y**2
+    assert perfect_power(square) is None
+    found = perfect_power(square, exact=False)
+    assert found is not None
+    at = {x: 0.7, y: 0.3}
+    assert abs(values_of([found[1]], at)[0]) == pytest.approx(abs(values_of([root], at)[0]), rel=1e-14)
+
+
 @pytest.mark.parametrize("e", [x**2 + a, x * y, x + 1])
 def test_other_expressions_are_no_powers(e: teg.Expr) -> None:
     assert perfect_power(e) is None

@@ -36,7 +36,6 @@ ELSEWHERE = {
         "evaluate": "tests/maps/test_diffeomorphism.py",
         "guards": "tests/passes/lower/test_integrals.py",
         "isolation": "tests/passes/lower/test_roots.py",
-        "projection": "tests/analysis/test_breaks.py",
         "remarks": "tests/passes/test_remarks.py",
         "settings": "tests/evaluator/test_compile.py",
         "sharp": "tests/passes/lower/test_guarded.py",
