@@ -14,7 +14,7 @@ This module imports JAX.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
@@ -22,6 +22,8 @@ from jax.extend.core import ClosedJaxpr, Primitive, Var, jaxpr_as_fun
 from jax.interpreters import batching, mlir
 from jaxlib.mlir import ir
 from jaxlib.mlir.dialects import func
+
+from teg.backends.jax.quotients import joined
 
 GAIN = 150
 """Operations that keeping a value must save: a kernel costs XLA about as much time as 40 of them."""
@@ -66,7 +68,7 @@ class _Cuts:
         if id(closed) not in self.done:
             jaxpr = closed.jaxpr
             bodies = [e.replace(params=self._parameters(e)) if e.primitive.name in NESTED else e for e in jaxpr.eqns]
-            self.done[id(closed)] = closed, ClosedJaxpr(_cut(jaxpr.replace(eqns=bodies)), closed.consts)
+            self.done[id(closed)] = closed, ClosedJaxpr(_cut(joined(jaxpr.replace(eqns=bodies), _is_copied)), closed.consts)
         return self.done[id(closed)][1]
 
     def _parameters(self, equation: Any) -> dict[str, Any]:
@@ -103,18 +105,31 @@ def _stored(jaxpr: Any) -> set[Any]:
 
 
 def _chosen(equations: Sequence[Any], stored: set[Any]) -> set[Any]:
-    """Returns the variables to be kept apart."""
+    """Returns the variables to be kept apart: those that have a gain where all of them are kept."""
     chosen: set[Any] = set()
     for _ in range(ROUNDS):
         added = _round(equations, stored | chosen)
         if not added:
             break
         chosen |= added
+    while useless := _useless(equations, stored | chosen, chosen):
+        chosen -= useless
     return chosen
 
 
-def _round(equations: Sequence[Any], stored: set[Any]) -> set[Any]:
-    """Returns variables with a gain, none of which another one is computed from."""
+class _Counts(NamedTuple):
+    """Sets of bits: the cone of each result of an equation, the kernels that need a variable if it is not kept itself, and the kernel that
+    computes one that is stored."""
+
+    cones: dict[Any, int]
+    needed: dict[Any, int]
+    kernel: dict[Any, int]
+
+    def gain(self, v: Any) -> int:
+        return self.cones[v].bit_count() * (self.needed.get(v, 0).bit_count() - 1)
+
+
+def _counted(equations: Sequence[Any], stored: set[Any]) -> _Counts:
     cones: dict[Any, int] = {}
     for i, e in enumerate(equations):
         cone = 1 << i
@@ -122,21 +137,38 @@ def _round(equations: Sequence[Any], stored: set[Any]) -> set[Any]:
             if isinstance(v, Var) and v not in stored:
                 cone |= cones.get(v, 0)
         cones.update(dict.fromkeys(e.outvars, cone))
-    kernels: dict[Any, int] = {v: 1 << k for k, v in enumerate(stored)}
+    kernel: dict[Any, int] = {v: 1 << k for k, v in enumerate(stored)}
+    needed: dict[Any, int] = {}
     for e in reversed(equations):
         reached = 0
         for v in e.outvars:
-            reached |= kernels.get(v, 0)
+            reached |= kernel[v] if v in stored else needed.get(v, 0)
         for v in e.invars:
-            if isinstance(v, Var) and v not in stored:
-                kernels[v] = kernels.get(v, 0) | reached
-    gains = []
-    for i, e in enumerate(equations):
-        for v in e.outvars:
-            if v not in stored:
-                gain = cones[v].bit_count() * (kernels.get(v, 0).bit_count() - 1)
-                if gain > GAIN:
-                    gains.append((gain, i, v))
+            if isinstance(v, Var):
+                needed[v] = needed.get(v, 0) | reached
+    return _Counts(cones, needed, kernel)
+
+
+def _useless(equations: Sequence[Any], stored: set[Any], chosen: set[Any]) -> set[Any]:
+    """Returns chosen variables that have no gain any more, because what they are computed from was kept later; none of which needs another
+    one."""
+    counts = _counted(equations, stored)
+    own = [(counts.gain(v), i, v) for i, e in enumerate(equations) for v in e.outvars if v in chosen]
+    found, removed, users = set(), 0, 0
+    for gain, _, v in sorted(own, key=lambda g: g[:2]):
+        if gain <= GAIN and not counts.needed.get(v, 0) & removed and not counts.kernel[v] & users:
+            found.add(v)
+            removed |= counts.kernel[v]
+            users |= counts.needed.get(v, 0)
+    return found
+
+
+def _round(equations: Sequence[Any], stored: set[Any]) -> set[Any]:
+    """Returns variables with a gain, none of which another one is computed from."""
+    counts = _counted(equations, stored)
+    cones = counts.cones
+    all_ = [(counts.gain(v), i, v) for i, e in enumerate(equations) for v in e.outvars if v not in stored]
+    gains = [entry for entry in all_ if entry[0] > GAIN]
     taken, above, chosen = 0, 0, set()
     for _, i, v in sorted(gains, key=lambda g: (-g[0], -g[1])):
         if not (above >> i) & 1 and not cones[v] & taken:

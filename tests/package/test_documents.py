@@ -36,6 +36,12 @@ def test_every_path_in_a_document_exists(document: str) -> None:
     assert links == []
 
 
+def test_links_of_the_changelog_lead_to_pages_from_the_root_and_in_the_site() -> None:
+    links = re.findall(r"\]\(([\w./-]+)\)", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"))
+    assert [link for link in links if not (link.startswith("docs/") and (ROOT / link).exists())] == []
+    assert ":relative-docs: docs/" in (ROOT / "docs" / "changelog.md").read_text(encoding="utf-8")
+
+
 def test_every_folder_has_its_paragraph() -> None:
     text = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8")
     folders = {f"`{p.as_posix()}/`" for p in (s.parent.relative_to(ROOT) for s in SOURCES if s.parts[-3] in ("teg", "passes"))}

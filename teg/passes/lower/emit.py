@@ -167,7 +167,7 @@ class Emitter:
             case Where():
                 holds, fails = self.truths_of(e.condition, home)
                 otherwise: Arg = self._number_of(e.otherwise, home) if fails is not False else NAN
-                if not isinstance(fails, bool):
+                if not isinstance(fails, bool) and otherwise == otherwise:  # a number that is not written as NaN
                     otherwise = self.assign(home, "select", fails, otherwise, NAN)
                 return self.assign(home, "select", holds, self._number_of(e.then, home), otherwise)
             case Tuple() | Delta() | _:

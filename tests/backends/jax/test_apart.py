@@ -49,6 +49,19 @@ def test_short_chains_and_single_users_are_left_to_xla() -> None:
     assert cuts(lambda v: [jnp.sort(jnp.exp(v) + k) for k in range(USERS)], x) == 0
 
 
+def test_what_gains_nothing_beside_others_that_are_kept_is_left_to_xla() -> None:
+    """The sum of two chains is chosen first, then both chains; after that it is one operation, which eight kernels may repeat."""
+
+    def function(x: Any) -> list[Any]:
+        chains = [x, 0.5 * x]
+        for k in range(20):
+            chains = [c * c - k for c in chains]
+        total = chains[0] + chains[1]
+        return [jnp.sort(v + k) for v, users in ((total, USERS), *((c, 4) for c in chains)) for k in range(users)]
+
+    assert cuts(function, np.linspace(-1.0, 1.0, 7)) == 2
+
+
 def test_inside_of_loops_and_under_maps() -> None:
     def looped(x: Any) -> list[Any]:
         def step(at: Any) -> Any:
