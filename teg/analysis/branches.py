@@ -31,7 +31,8 @@ def branches_of(f: Expr) -> list[Expr] | None:
 def cases_of(f: Expr, x: Var) -> list[tuple[Expr, Cond]] | None:
     """Returns f with every `where` on x replaced by either branch, each with the condition under which it is f; None if there are too many
     combinations."""
-    result, done = [(f, TRUE)], []
+    result: list[tuple[Expr, Cond]] = [(f, TRUE)]
+    done: list[tuple[Expr, Cond]] = []
     while result:
         e, condition = result.pop()
         outer = _variable_where(e, x)

@@ -134,8 +134,8 @@ class BreakAnalysis:
         x = node.var
         bends: dict[object, Turn] = {}
         cases = {turn: _cases(turn, x) for turn in projection.turns}
-        projection.rooted |= any(not cases[turn] and turn.kind != "pole" for turn in projection.turns)
-        for turn in (case for turn in projection.turns for case in cases[turn]):
+        projection.rooted |= any(not split and turn.kind != "pole" for turn, split in cases.items())
+        for turn in (turn for split in cases.values() for turn in split):
             if turn.kind == "flat":
                 turn = self._by_roots(turn, node)
             degree = self.degrees.of(turn.function, x)
