@@ -36,8 +36,9 @@ def examined(xp: Any, bounds: Any, middle: tuple[Any, Any], h: Any, ends: Ends) 
     away = (least > 0.0) | (most < 0.0) | (bounded & ((g - reach > 0.0) | (g + reach < 0.0)))
     away = away | (xp.isnan(least) & xp.isnan(most) & xp.isnan(g))
     open_ = (changes | ~away) & ~((slowest == 0.0) & (fastest == 0.0))
-    monotone = open_ & ((slowest > 0.0) | (fastest < 0.0)) & known
-    bent = open_ & ~monotone & ((bent_down > 0.0) | (bent_up < 0.0)) & known & sloped
+    below, above, down, up = least == -xp.inf, most == xp.inf, slowest == -xp.inf, fastest == xp.inf
+    monotone = open_ & ((slowest > 0.0) | (fastest < 0.0)) & known & ~(below & above & (down | up))
+    bent = open_ & ~monotone & ((bent_down > 0.0) | (bent_up < 0.0)) & known & sloped & ~((below | above) & down & up)
     bend = xp.maximum(xp.abs(bent_down), xp.abs(bent_up))
     blurred = (xp.abs(g) + h * xp.abs(slope) + 0.5 * h * h * bend <= noise) & xp.isfinite(noise)
     return Examined(monotone, bent, open_ & ~monotone & ~bent, blurred)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import cast
 
-from teg.ir.expr import Add, Call, Expr, Mul, Pow, Where
+from teg.ir.expr import TRUE, Add, Call, Cond, Expr, Mul, Pow, Var, Where
+from teg.ir.simplify import conjunction, negation
 from teg.ir.traverse import replace_node
 
 MAX_BRANCHES = 16
@@ -27,7 +28,26 @@ def branches_of(f: Expr) -> list[Expr] | None:
     return done
 
 
-def _variable_where(e: Expr) -> Where | None:
+def cases_of(f: Expr, x: Var) -> list[tuple[Expr, Cond]] | None:
+    """Returns f with every `where` on x replaced by either branch, each with the condition under which it is f; None if there are too many
+    combinations."""
+    result: list[tuple[Expr, Cond]] = [(f, TRUE)]
+    done: list[tuple[Expr, Cond]] = []
+    while result:
+        e, condition = result.pop()
+        outer = _variable_where(e, x)
+        if outer is None:
+            done.append((e, condition))
+        elif len(result) + len(done) >= MAX_BRANCHES:
+            return None
+        else:
+            for branch, holds in ((outer.otherwise, negation(outer.condition)), (outer.then, outer.condition)):
+                result.append((cast(Expr, replace_node(e, outer, branch)), conjunction(condition, holds)))
+    return done
+
+
+def _variable_where(e: Expr, x: Var | None = None) -> Where | None:
+    """Returns the first `where` whose condition has variables, or has x."""
     stack: list[Expr] = [e]
     seen: set[Expr] = set()
     while stack:
@@ -35,7 +55,7 @@ def _variable_where(e: Expr) -> Where | None:
         if node in seen or not node.free:
             continue
         seen.add(node)
-        if isinstance(node, Where) and node.condition.free:
+        if isinstance(node, Where) and (x in node.condition.free if x is not None else node.condition.free):
             return node
         if isinstance(node, Where):
             stack += [node.then, node.otherwise]

@@ -17,7 +17,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import cast
 
-from teg.analysis.branches import branches_of
+from teg.analysis.branches import branches_of, cases_of
 from teg.analysis.isolation import MAX_ROOTS, Isolation, Location, isolate, locate
 from teg.analysis.polynomial import Degrees, Point, Poly, Ratio, Shadow
 from teg.analysis.projection import Contribution, Projection, Turn, near, within
@@ -130,10 +130,12 @@ class BreakAnalysis:
 
     def _bends(self, projection: Contribution, node: Integral) -> tuple[Turn, ...]:
         """Returns the distinct turns that are quadratic in the variable, or have two roots by formula. Other turns only set `rooted`: the
-        integrand may be a root at a piece's end."""
+        integrand may be a root at a piece's end. A function with branches has a turn for each of them."""
         x = node.var
         bends: dict[object, Turn] = {}
-        for turn in projection.turns:
+        cases = {turn: _cases(turn, x) for turn in projection.turns}
+        projection.rooted |= any(not split and turn.kind != "pole" for turn, split in cases.items())
+        for turn in (turn for split in cases.values() for turn in split):
             if turn.kind == "flat":
                 turn = self._by_roots(turn, node)
             degree = self.degrees.of(turn.function, x)
@@ -371,6 +373,13 @@ def _factors(e: Expr, x: Var) -> list[Expr]:
     if isinstance(e, Mul):
         return [c.base if isinstance(c, Pow) and c.exponent > 0 else c for c in e.children if x in c.free]
     return [e]
+
+
+def _cases(turn: Turn, x: Var) -> list[Turn]:
+    """Returns a turn for each branch of the function, whose coefficients are numbers from outside of the integral; none if there are too
+    many branches."""
+    cases = cases_of(turn.function, x) or ()
+    return [replace(turn, function=function, when=conjunction(turn.when, condition)) for function, condition in cases]
 
 
 def _outside(r: Expr, lo: Expr, hi: Expr) -> bool:

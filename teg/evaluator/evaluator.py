@@ -107,7 +107,7 @@ class Evaluator:
 
     # -- calls ---------------------------------------------------------------------------------------------------------
 
-    def __call__(self, *args: Any, **named: Any) -> Any:
+    def __call__(self, /, *args: Any, **named: Any) -> Any:
         """Returns the value: a float, or an array of the batch's shape; for a tuple expression a tuple of these.
 
         f(t=0.5, a=2.0)                       # 0.0625
@@ -115,7 +115,7 @@ class Evaluator:
         rows, shape = self._run(VALUE, args, named)
         return nested(self.expression, iter(rows), shape)
 
-    def value_and_grad(self, *args: Any, **named: Any) -> tuple[Any, dict[str, Any]]:
+    def value_and_grad(self, /, *args: Any, **named: Any) -> tuple[Any, dict[str, Any]]:
         """Returns the value, and a dict name -> derivative: a number for a parameter, an array of its shape for an array (for a tuple
         expression: a tuple of derivatives).
 
@@ -128,7 +128,7 @@ class Evaluator:
         rows = iter(found)
         return nested(self.expression, rows, shape), self._by_name(rows, shape)
 
-    def grad(self, *args: Any, **named: Any) -> dict[str, Any]:
+    def grad(self, /, *args: Any, **named: Any) -> dict[str, Any]:
         """Returns the dict name -> derivative of `value_and_grad`; the value is not computed. Raises the same errors.
 
         f.grad(t=0.5, a=2.0)                  # {'t': 0.25, 'a': -0.03125}
@@ -136,7 +136,7 @@ class Evaluator:
         found, shape = self._run(GRADIENT_ALONE, args, named)
         return self._by_name(iter(found), shape)
 
-    def value_and_error(self, *args: Any, **named: Any) -> tuple[Any, Any]:
+    def value_and_error(self, /, *args: Any, **named: Any) -> tuple[Any, Any]:
         """Returns the value, and an estimate of its error of the same shape. Raises the errors of a call.
 
             value, error = f.value_and_error(t=0.5, a=2.0)
@@ -148,7 +148,7 @@ class Evaluator:
         values, errors, shape = self._estimated(VALUE, args, named)
         return nested(self.expression, iter(values), shape), nested(self.expression, iter(errors), shape)
 
-    def grad_and_error(self, *args: Any, **named: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+    def grad_and_error(self, /, *args: Any, **named: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         """Returns the dict name -> derivative, and the dict of estimates of their errors, of the same shapes. Raises as `value_and_grad`.
 
         slopes, errors = f.grad_and_error(t=0.5, a=2.0)
@@ -158,7 +158,7 @@ class Evaluator:
         first, second = (self._by_name(iter(part), shape) for part in (slopes, errors))
         return first, second
 
-    def hessian(self, *args: Any, **named: Any) -> dict[tuple[str, str], Any]:
+    def hessian(self, /, *args: Any, **named: Any) -> dict[tuple[str, str], Any]:
         """Returns second derivatives, a dict (name, name) -> number, with both orders of the names. Raises as `value_and_grad`.
 
             f.hessian(t=0.5, a=2.0)["t", "a"]     # -0.125
@@ -212,7 +212,7 @@ class Evaluator:
         weights = tuple(cotangent) if isinstance(cotangent, tuple | list) else (cotangent,) * len(value)
         return value, {k: sum(weighted(s, w, dimensions[k]) for s, w in zip(ss, weights, strict=True)) for k, ss in slopes.items()}
 
-    def evaluations(self, *args: Any, derivatives: int = 0, **named: Any) -> int:
+    def evaluations(self, /, *args: Any, derivatives: int = 0, **named: Any) -> int:
         """Returns the number of points at which a call evaluates integrands without an inner integral, over all iterations and the whole
         batch.
 
@@ -229,7 +229,7 @@ class Evaluator:
             wanted += [self._directions.moved(given, {q.name: direction}) for q in self.wrt for direction in units(q, given)]
         return sum(self._counted(*each) for each in wanted)
 
-    def nodes(self, *args: Any, by: str | Param | Gather | None = None, **named: Any) -> tuple[np.ndarray, np.ndarray]:
+    def nodes(self, /, *args: Any, by: str | Param | Gather | None = None, **named: Any) -> tuple[np.ndarray, np.ndarray]:
         """Returns the points and weights of the quadrature of this program, for functions that are not known when it is compiled.
 
             points, weights = f.nodes(t=0.5, a=2.0)
@@ -296,7 +296,7 @@ class Evaluator:
         asked = Asked(options.integration, options.estimator, options.maps, checked_derivatives(derivatives))
         return explained(self._program if made is None else made.plan.expression, self.wrt, asked)
 
-    def diagnose(self, *args: Any, **named: Any) -> list[Diagnosis]:
+    def diagnose(self, /, *args: Any, **named: Any) -> list[Diagnosis]:
         """Returns where and why the expression is not differentiable at these values, and in which iteration of its sums: a list of
         `Diagnosis`, empty if it is differentiable.
 

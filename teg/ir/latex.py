@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from typing import cast
 
 from teg.ir.arrays import Gather, Placed, Ranged, Slope, StillGather, Sum, Unit
 from teg.ir.choices import Nearest, Product
@@ -29,6 +30,7 @@ from teg.ir.function import Apply
 from teg.ir.index import Index, IndexCall, IndexConst, IndexGather, IndexParam, IndexValue, IndexVar, Length, index_leaves
 from teg.ir.integral import Delta, Integral, PointMasses
 from teg.ir.node import Node, postorder
+from teg.ir.operands import as_program
 
 _SUM, _PRODUCT, _POWER, _ATOM = range(4)
 _OR, _AND, _NOT = range(3)
@@ -61,6 +63,7 @@ def latex(root: Expr | Cond, limit: int = _LIMIT) -> str:
     """
     text: dict[Node, Text] = {}
     total = 0
+    root = cast("Expr | Cond", as_program(root))
     order = postorder([root])
     for node in order:
         if isinstance(node, Compare):

@@ -32,7 +32,10 @@ def as_number(value: object) -> Expr:
             "== compares by identity; write conditions with < <= > >=",
         )
     if isinstance(value, Real) or (hasattr(value, "__float__") and getattr(value, "ndim", None) == 0):
-        return const(float(cast(Any, value)))
+        try:
+            return const(float(cast(Any, value)))
+        except OverflowError:
+            raise OperandError("a number is too large for floating point", None, "divide it out: the largest is about 1.8e308") from None
     if isinstance(value, tuple | list):
         kind = type(value).__name__
         raise OperandError(
@@ -43,6 +46,11 @@ def as_number(value: object) -> Expr:
         None,
         "build programs from numbers, teg.param, teg.var; arrays of values are given when the compiled function is called",
     )
+
+
+def as_program(value: object) -> Node:
+    """Returns the expression or condition for a value that a user gives as either."""
+    return value if isinstance(value, Node) else as_number(value)
 
 
 def entrywise(build: Callable[..., Expr], *operands: object) -> Expr:

@@ -31,6 +31,7 @@ from teg.ir.expr import (
 from teg.ir.function import Apply
 from teg.ir.integral import ClosedForm, Delta, Integral, PointMasses, delta, integral_over
 from teg.ir.node import Node, postorder, postorder_through, union
+from teg.ir.operands import as_program
 
 CompareHook = Callable[[Compare, Expr, "Cond | None"], Cond]
 
@@ -40,7 +41,7 @@ def size(*roots: Node) -> int:
 
     teg.size(teg.sin(t) + teg.sin(t) ** 2)              # 4: t, sin(t), its square and the sum
     """
-    return len(postorder(roots))
+    return len(postorder([as_program(root) for root in roots]))
 
 
 def parameters(*roots: Node) -> list[Param]:

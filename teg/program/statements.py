@@ -157,7 +157,8 @@ class Isolate:
 
     The box (lo, hi) is halved up to ISOLATE_DEPTH times. A box that changes sign is kept, whatever rounded bounds say, unless g is
     constant there; another one is dropped if its bounds, or the mean value theorem, exclude a root, or if g is not defined there. A
-    monotone box has one root if it changes sign, else none. So has a convex or concave one, unless it turns between its ends, towards 0;
+    monotone box has one root if it changes sign, else none, unless it may hold a pole where g changes its sign: g₋, g₊ and one of d₋, d₊
+    are infinite. So has a convex or concave one, unless g₋ or g₊ and both d₋ and d₊ are infinite, or it turns between its ends, towards 0;
     then, t being where g′ = 0, it has the root t twice (a tangency) if |g(t)| <= noise, two roots if g(t) lies beyond 0, else none. A box
     in which g cannot be told from 0, |g(m)| + h·|g′(m)| + ½h²·max(|c₋|, |c₊|) <= noise, or that was halved so often, is *undecided*:
     those that share an end are joined, and give the root in the middle, once if g changes sign, twice if not, and none at the border of

@@ -131,7 +131,7 @@ class NumberWatch:
         """Returns the first results of a kernel that jump along a parameter, the largest jump of each parameter first; `here` are their
         values at the element.
 
-        A change in proportion to the step is smooth: a step LONGER times as long shows it.
+        A change in proportion to the step is smooth: a step LONGER times as long shows it. Infinite results beside a finite one are a jump.
         """
         import numpy as np
 
@@ -143,13 +143,16 @@ class NumberWatch:
             columns = [np.repeat(np.reshape(c, 1), 4) for c in at.columns]
             columns[k] = columns[k] + step * np.array([-1.0, 1.0, -LONGER, LONGER])
             below, above, farther, beyond = kernel(columns, 4)[: len(here)].T
-            scale = np.maximum(np.maximum(np.abs(below), np.abs(above)), np.abs(here).max() * 1e-3 + NOTHING)
-            change = np.maximum(np.abs(above - below), np.abs(here - 0.5 * (below + above)))
-            longer = np.maximum(np.abs(beyond - farther), np.abs(here - 0.5 * (farther + beyond)))
-            at_once = np.where(np.isfinite(change), change / scale, 0.0) > CHANGE
-            at_once &= ~(longer > 0.5 * LONGER * change)
-            for j in np.argsort(-np.nan_to_num(change / scale)):
-                if at_once[j]:
+            with np.errstate(all="ignore"):  # results may be infinite beside a finite one
+                scale = np.maximum(np.maximum(np.abs(below), np.abs(above)), np.abs(here).max() * 1e-3 + NOTHING)
+                change = np.maximum(np.abs(above - below), np.abs(here - 0.5 * (below + above)))
+                longer = np.maximum(np.abs(beyond - farther), np.abs(here - 0.5 * (farther + beyond)))
+                at_once = np.where(np.isfinite(change), change / scale, 0.0) > CHANGE
+                at_once &= ~(longer > 0.5 * LONGER * change)
+                endless = np.isfinite(here) & (np.isinf(below) | np.isinf(above))
+                order = np.argsort(np.where(endless, -np.inf, -np.nan_to_num(change / scale)))
+            for j in order:
+                if at_once[j] or endless[j]:
                     found.append(
                         _Move(
                             self.names[len(self.names) - len(here) + j], name, float(step), float(below[j]), float(above[j]), float(here[j])

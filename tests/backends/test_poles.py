@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import shutil
+from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -190,6 +191,33 @@ def test_a_power_in_the_denominator(backend: str) -> None:
     value, error = f.value_and_error(at)
     assert abs(value - exactly) <= error <= 1e-12 * value
     assert teg.check_gradient(f, at)
+
+
+BRANCHES: dict[str, tuple[teg.Expr, Callable[[float, float], float]]] = {
+    "distance": (1 / (1 + teg.abs(x - a)), lambda t, _: math.log((1 + t) * (2 - t))),
+    "its square": (1 / (1 + teg.abs(x - a)) ** 2, lambda t, _: 2 - 1 / (1 + t) - 1 / (2 - t)),
+    "its cube": (x / (1 + teg.abs(x - a)) ** 3, lambda t, _: (t**4 - 3 * t**3 + t**2 + t + 0.5) / (t**3 - 3 * t**2 + 4)),
+    "maximum": (1 / (1 + teg.maximum(x, a)), lambda t, _: t / (1 + t) + math.log(2 / (1 + t))),
+    "two poles": (1 / (1 + teg.where(x < a, x, b * x)), lambda t, s: math.log(1 + t) + math.log((1 + s) / (1 + s * t)) / s),
+    "pole and number": (1 / (1 + teg.where(x < a, x, b)), lambda t, s: math.log(1 + t) + (1 - t) / (1 + s)),
+    "factors": (teg.where(x < a, x, 2) / (1 + teg.where(x < a, x, b)), lambda t, s: t - math.log(1 + t) + 2 * (1 - t) / (1 + s)),
+}
+"""Functions of x, and their integrals over (0, 1) by a and b in closed form."""
+
+
+@pytest.mark.parametrize("name", BRANCHES)
+@pytest.mark.parametrize("backend", ["numpy", pytest.param("c", marks=needs_c), pytest.param("jax", marks=pytest.mark.slow)])
+@pytest.mark.usefixtures("x64_for_jax")
+def test_branches_have_a_pole_each(name: str, backend: str) -> None:
+    """The coefficients of a branch were taken for those of all pieces."""
+    integrand, exactly = BRANCHES[name]
+    f = teg.compile(teg.integral(integrand, (x, 0, 1)), [a, b], backend=backend)
+    value, gradient = f.value_and_grad(a=0.3, b=0.7)
+    assert value == pytest.approx(exactly(0.3, 0.7), rel=1e-12)
+    h = 1e-3
+    for p, (da, db) in {"a": (h, 0.0), "b": (0.0, h)}.items():
+        far, near = (exactly(0.3 + k * da, 0.7 + k * db) - exactly(0.3 - k * da, 0.7 - k * db) for k in (2, 1))
+        assert gradient[p] == pytest.approx((8 * near - far) / (12 * h), rel=1e-9, abs=1e-9)
 
 
 def bilinear_area(corners: list[Any]) -> Any:

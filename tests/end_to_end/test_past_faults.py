@@ -403,3 +403,45 @@ def test_a_broken_power_at_its_branch_point(backend: str) -> None:
     f = teg.compile(INT(B(x**1.5 < t), (x, 0, 1)), backend=backend)
     assert f.grad(t=-1.0)["t"] == 0.0
     assert f.grad(t=0.5)["t"] == pytest.approx(2 / 3 * 0.5 ** (-1 / 3), rel=1e-14)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize(
+    ("g", "low", "expected"),
+    [
+        # the roots are those of x² + 0.1·x - 0.4, where the slope is 1 + 0.4/x²
+        (x - 0.4 / x + 0.1, 0, 1 / (1 + 0.4 / 0.5844288770224759**2)),
+        (x - 0.4 / x + 0.1, -1, 1.0),
+        (x**-2 - 4, -1, 2 / 16),
+        (teg.tan(2 * x) - 1, -1, 1 / 4),
+    ],
+)
+def test_poles_are_no_roots_and_hide_none(g: teg.Expr, low: float, expected: float, backend: str) -> None:
+    """Between the ends of a range with a pole g was taken for monotone, or convex: its roots were lost."""
+    assert teg.evaluate(INT(teg.delta(g), (x, low, 1)), backend=backend) == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_the_corner_of_a_minimum(backend: str) -> None:
+    """[min(p, q) < 0] is [p < 0 or q < 0]; on q = 0 the border of the minimum is p = t/x - 2·x + a = 0, with a pole at 0."""
+    p, q = x - 2 * y + a, x * y - t
+    at = {"t": 0.2, "a": 0.1}
+    box = ((x, -1, 1), (y, -1, 1))
+    minimum, either = (teg.compile(INT(B(c), *box), [t, a], backend=backend) for c in (teg.minimum(p, q) < 0, (p < 0) | (q < 0)))
+    found, expected = minimum.hessian(at), either.hessian(at)
+    for key in expected:
+        assert found[key] == pytest.approx(expected[key], rel=1e-9), key
+    h = 1e-4
+    slope = (either.grad(t=0.2, a=0.1 + h)["t"] - either.grad(t=0.2, a=0.1 - h)["t"]) / (2 * h)
+    assert [found["t", "a"], found["a", "t"]] == pytest.approx([slope, slope], rel=1e-6)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_band_between_level_sets_of_one_function(backend: str) -> None:
+    """{a < x·y < t} has the area F(t) - F(a) with F(u) = u - u·log u. The two curves do not meet: this was a DeltaError."""
+    for u in (x * y, teg.sqrt(x) * teg.sqrt(y)):
+        f = teg.compile(INT(B((u < t) & (u > a)), (x, 0, 1), (y, 0, 1)), [t, a], backend=backend)
+        second = f.hessian(t=0.5, a=0.3)
+        assert second["t", "a"] == second["a", "t"] == 0.0
+        if u is x * y:
+            assert [second["t", "t"], second["a", "a"]] == pytest.approx([-1 / 0.5, 1 / 0.3], rel=1e-12)

@@ -350,3 +350,8 @@ def test_jax_without_64_bits_says_which_flag() -> None:
         assert "x64" in str(caught.value)
     finally:
         jax.config.update("jax_enable_x64", before)
+
+
+def test_a_parameter_may_be_called_self() -> None:
+    f = teg.compile(teg.integral(teg.param("self") * teg.var("x"), (teg.var("x"), 0, 1)), backend="numpy")
+    assert f.value_and_grad(self=3.0) == (1.5, {"self": 0.5})

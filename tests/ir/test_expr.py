@@ -436,3 +436,10 @@ def test_a_hint_shows_what_to_write(mistake: Callable[[], object], hint: str) ->
     with pytest.raises(errors.TegError) as caught:
         mistake()
     assert hint in caught.value.hint
+
+
+@pytest.mark.parametrize("wrong", [lambda: x * 10**400, lambda: teg.size("x"), lambda: teg.latex(None)])
+def test_what_is_no_expression_is_named(wrong: Callable[[], object]) -> None:
+    with pytest.raises(teg.errors.OperandError) as caught:
+        wrong()
+    assert caught.value.hint

@@ -61,6 +61,14 @@ def test_a_value_that_jumps_is_told() -> None:
     assert "value is 0.5 below t and 0.333333 above" in said
 
 
+def test_infinite_derivatives_beside_the_point_are_told() -> None:
+    """[a·x·y < t] at a = t = 0: the derivative by t is ±inf at any other a, and 0 here. NumPy warned of inf - inf."""
+    f = teg.compile(teg.integral(teg.bracket(a * x * y < t), (x, 0, 1), (y, 0, 1)), [t, a], backend="numpy")
+    (diagnosis,) = f.diagnose(t=0.0, a=0.0)
+    assert diagnosis.kind == "one-sided"
+    assert "d value / d t goes from inf to inf, and is given as 0" in diagnosis.message
+
+
 def test_each_pair_is_told_once() -> None:
     assert len(messages(teg.integral(step(t) * step(a), UNIT), t=0.5, a=0.5)) == 1
 

@@ -148,18 +148,20 @@ static void teg_halve(teg_isolation *s, double value, double slope)
 }
 
 //: teg_is_monotone
-/* Whether a box is monotone, by the bounds over it. */
+/* Whether a box is monotone, by the bounds over it: none that hold a pole at which g changes its sign. */
 static inline int teg_is_monotone(const teg_box *box, const double *bounds)
 {
-    return (bounds[2] > 0.0 || bounds[3] < 0.0) && box->left != 2 && box->right != 2;
+    const int pole = bounds[0] == -INFINITY && bounds[1] == INFINITY && (bounds[2] == -INFINITY || bounds[3] == INFINITY);
+    return !pole && (bounds[2] > 0.0 || bounds[3] < 0.0) && box->left != 2 && box->right != 2;
 }
 
 //: teg_is_bent
-/* Whether g is convex or concave over a box. */
+/* Whether g is convex or concave over a box, by bounds that hold no pole. */
 static inline int teg_is_bent(const teg_box *box, const double *bounds)
 {
     const int known = box->left != 2 && box->right != 2 && box->down != 2 && box->up != 2;
-    return (bounds[4] > 0.0 || bounds[5] < 0.0) && known;
+    const int pole = (bounds[0] == -INFINITY || bounds[1] == INFINITY) && bounds[2] == -INFINITY && bounds[3] == INFINITY;
+    return !pole && (bounds[4] > 0.0 || bounds[5] < 0.0) && known;
 }
 
 //: teg_is_clear

@@ -23,7 +23,7 @@ Source: Bangaru et al. 2021, section 4; Leibniz' rule for the bounds; Flanders 1
 from __future__ import annotations
 
 import math
-from collections.abc import Container, Mapping
+from collections.abc import Callable, Container, Mapping
 from typing import Any, cast
 
 from teg.analysis.calculus import by_chain_rule, slope
@@ -274,12 +274,11 @@ def _integrands(node: Integral, sharp: Container[Node]) -> list[tuple[Chain, Exp
 def _moved(chain: Chain, weight: Expr, field: Field, direction: Direction) -> Expr:
     """Returns d ∫…∫ weight for points that move with the singularities of the weight."""
     along = {**direction, **field.velocity}
-    tangent = _tangents(weight, along, field)
+    change = _tangents(weight, along, field)[weight]
     mine = {b.var for b in chain}
-    others = [h for h in open_surfaces(weight) if h.free & mine and tangent[h] is not ZERO and not field.carries(h)]
-    steps = (mul(jump, tangent[h], delta(h)) for h, jump in surface_terms(weight, others))
-    expansion = add(*(_divergence(u, v) for v, u in field.velocity.items()))
-    terms = [nest(add(tangent[weight], *steps, mul(weight, expansion)), chain)]
+    steps = _steps(weight, field.velocity, along, lambda h: not h.free & mine or field.carries(h))
+    expansion = add(*(slope(u, v) for v, u in field.velocity.items()))
+    terms = [nest(add(change, *steps, mul(weight, expansion)), chain)]
     for i, b in enumerate(chain):
         for bound, sign in ((b.hi, ex.ONE), (b.lo, MINUS_ONE)):
             rate = ZERO if (b.var, bound) in field.kept else tangent_of(bound, along)
@@ -309,15 +308,14 @@ def _transported(chain: Chain, weight: Expr, d: Delta, direction: Direction) -> 
         raise DeltaError("a product of deltas must be eliminated before it can be differentiated again", mul(weight, d))
     g = d.g
     moving = tangent_of(g, direction)
-    along = dict(direction)
-    expansion: Expr = ZERO
+    velocity: dict[Var, Expr] = {}
     if moving is not ZERO:
         slopes = {b.var: slope(g, b.var) for b in chain if b.var in g.free}
         speed = mul(MINUS_ONE, moving, integer_power(add(*(integer_power(s, 2) for s in slopes.values())), -1))
         velocity = {v: mul(speed, s) for v, s in slopes.items()}
-        along.update(velocity)
-        expansion = add(*(_divergence(u, v) for v, u in velocity.items()))
-    change = add(tangent_of(weight, along), mul(weight, expansion))
+    along = {**direction, **velocity}
+    expansion = add(*(slope(u, v) for v, u in velocity.items()))
+    change = add(_tangents(weight, along)[weight], mul(weight, expansion), *_steps(weight, velocity, along))
     apart = {h for h in deltas_of(change) if len(h.g.free | g.free) == 1}  # two points on one line meet for single parameter values only
     zeros = ZeroSet(g)
     together = {h for h in deltas_of(change) if zeros.annuls(peeled(h.g, partial=True))}  # a surface in another form moves with this one
@@ -332,11 +330,13 @@ def _transported(chain: Chain, weight: Expr, d: Delta, direction: Direction) -> 
     return add(*terms)
 
 
+def _steps(weight: Expr, velocity: Mapping[Var, Expr], along: Direction, still: Callable[[Expr], bool] = lambda h: False) -> list[Expr]:
+    """Returns the terms jump_h(w·Dh)·δ(h) of the surfaces h where the weight w jumps, or the velocity does: the velocity of a surface with
+    kinks. Both may jump on one h, so the jump is that of the product. Surfaces that are `still` among the moving points have no term."""
+    surfaces = dict.fromkeys(h for e in (weight, *velocity.values()) for h in open_surfaces(e) if not still(h))
+    rates = {h: _tangents(h, along)[h] for h in surfaces}
+    return [mul(jump, delta(h)) for h, rate in rates.items() for _, jump in surface_terms(mul(weight, rate), [h])]
+
+
 def _is_infinite(bound: Expr) -> bool:
     return isinstance(bound, Const) and math.isinf(bound.data)
-
-
-def _divergence(u: Expr, v: Var) -> Expr:
-    """Returns ∂u/∂v with the jumps of u: the velocity of a surface with kinks jumps there."""
-    jumps = (mul(jump, slope(h, v), delta(h)) for h, jump in surface_terms(u, [h for h in open_surfaces(u) if v in h.free]))
-    return add(slope(u, v), *jumps)

@@ -38,6 +38,7 @@ from teg.passes.eliminate.implicit import MAX_CHARTS, Implicit, match_implicit, 
 from teg.passes.eliminate.mapped import user_families
 from teg.passes.eliminate.steep import Graph, match_steep, rewrite_steep
 from teg.passes.eliminate.univariate import match_solvable, rewrite_solvable
+from teg.passes.normalise.canonicalise import with_cleared_deltas
 
 Match = Callable[[Expr, Sequence[Var]], Any]
 Rewrite = Callable[[Expr, Expr, tuple[Binder, ...], Any], Expr | None]
@@ -115,8 +116,10 @@ def eliminate_deltas(root: Expr, keep_moving: bool = False, families: Families =
     """Returns the program without δ. Raises NoReparameterisationError for a surface that no family reduces, DeltaError for a misplaced δ.
 
     `keep_moving` leaves those deltas in the program that are carried along when it is differentiated again. `remarks` are told which
-    family each surface has.
+    family each surface has. Two level sets of one function, x·y = t and x·y = a, do not meet: where one is sifted the other is a δ of
+    parameters only, which belongs to no integral and contributes nothing.
     """
+    written = set(deltas_of(root))
     while root.has_delta:  # a product of deltas loses one factor in each round
         round_ = _Elimination(cast(Expr, rename_apart(root)), keep_moving, families, Remarks() if remarks is None else remarks)
         reduced = round_.run()
@@ -126,7 +129,7 @@ def eliminate_deltas(root: Expr, keep_moving: bool = False, families: Families =
             raise DeltaError(
                 "a Dirac delta is under no integral over its variables", deltas_of(root)[0], "integrate over one of the variables in it"
             )
-        root = reduced
+        root = with_cleared_deltas(without(reduced, {d for d in deltas_of(reduced) if not d.g.free and d not in written}))
     return root
 
 

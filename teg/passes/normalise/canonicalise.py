@@ -32,7 +32,7 @@ from teg.ir.expr import FALSE, MINUS_ONE, TRUE, Add, Call, Compare, Cond, Const,
 from teg.ir.integral import Delta, Integral, delta, scaled_integral
 from teg.ir.node import Node, postorder, union
 from teg.ir.simplify import add, conjunction, disjunction, mul, negation, positive
-from teg.ir.traverse import rebuild, remake, rename_apart, replace_node, substitute
+from teg.ir.traverse import rebuild, remake, rename_apart, replace_node, rewrite, substitute
 from teg.numerics.field import divided, sign_of_residue
 from teg.passes.normalise.quotients import with_whole_branches
 
@@ -206,9 +206,23 @@ def _split_delta(d: Delta, hoists: int) -> Expr:
     g = with_sizes(d.g) if hoists == MAX_HOISTED and len(kinks_of(d.g)) > MAX_KINKS else d.g
     inner = _inner_condition(g) if hoists else None
     if inner is None:
-        return delta(g)
+        return _cleared_delta(g)
     branches = (delta(_decide(g, inner, value)) for value in (True, False))
     return simplify.where(inner, *(_split_delta(b, hoists - 1) if isinstance(b, Delta) else b for b in branches))
+
+
+def _cleared_delta(g: Expr) -> Expr:
+    """Returns δ(p/q) as |q|·δ(p): equal where q is not 0, and its surface has no poles."""
+    g = tangents_as_quotients(g)
+    if not has_variable_denominator(g):
+        return delta(g)
+    numerator, denominator = cleared(g)
+    return mul(simplify.call("magnitude", denominator), delta(numerator))
+
+
+def with_cleared_deltas(e: Expr) -> Expr:
+    """Returns e with every δ(p/q) as |q|·δ(p)."""
+    return cast(Expr, rewrite([e], lambda _, new: _cleared_delta(new.g) if isinstance(new, Delta) else new)[e])
 
 
 def _product_integrals(e: Expr) -> list[Integral]:

@@ -93,10 +93,11 @@ class _Search:
                 return []
             if math.isnan(least) and math.isnan(most) and math.isnan(g):
                 return []
-        if (slowest > 0.0 or fastest < 0.0) and box.known:
+        ends, steep = (least == -math.inf, most == math.inf), (slowest == -math.inf, fastest == math.inf)
+        if (slowest > 0.0 or fastest < 0.0) and box.known and not (all(ends) and any(steep)):
             self.found += [(self._newton(box, 0), 0.0)] if box.changes else []
             return []
-        if (bent_down > 0.0 or bent_up < 0.0) and box.known and box.known_slopes:
+        if (bent_down > 0.0 or bent_up < 0.0) and box.known and box.known_slopes and not (any(ends) and all(steep)):
             if box.changes:
                 self.found.append((self._newton(box, 0), 0.0))
             elif (box.slope_p > 0.0) != (box.slope_q > 0.0) and (box.at_p > 0.0) == (bent_down > 0.0):

@@ -102,6 +102,30 @@ def test_a_surface_with_kinks_is_carried_along() -> None:
     assert f.hessian(t=1.1)["t", "t"] == pytest.approx(float(mpmath.quad(second, [0, *kinks, 1])), rel=1e-9)
 
 
+FOLDED = {
+    # weight, and second derivatives by (t, t), (t, a) and (a, a); with numbers l and r left and right of t the integral is
+    # l·t·(a + 0.2) + r·(0.3·a + 0.035)
+    "number": (teg.bracket(x < 2), (0.0, 1.0, 0.0)),
+    "jump on the kink": (teg.where(x < t, 1, 3), (0.0, 1.0, 0.0)),
+    "of the place": (x, (0.4, 0.6, 0.0)),
+    "of the place, with the jump": (teg.where(x < t, x, 3), (0.4, 0.3, 0.0)),
+    "of the distance": (teg.where(x < t, 0, x - t), (0.0, 0.0, 0.0)),
+}
+
+
+@pytest.mark.parametrize("name", FOLDED)
+@pytest.mark.parametrize("backend", ["numpy", "c", pytest.param("jax", marks=pytest.mark.slow)])
+@pytest.mark.usefixtures("x64_for_jax")
+def test_the_velocity_and_the_weight_jump_on_one_kink(name: str, backend: str) -> None:
+    """{max(0, x - t) + max(0, y - a) + max(0, y - a - 0.1) < 0.3}: the part right of t moves with t, all of it with a."""
+    weight, exactly = FOLDED[name]
+    fold = sum((teg.maximum(0, u) for u in (x - t, y - a, y - a - 0.1)), start=teg.maximum(0, 0))
+    f = teg.compile(teg.integral(weight * teg.bracket(fold < 0.3), (x, 0, 1), (y, 0, 1)), [t, a], backend=backend)
+    second = f.hessian(t=0.3, a=0.2)
+    assert [second["t", "t"], second["t", "a"], second["a", "a"]] == pytest.approx(exactly, abs=1e-9)
+    assert second["a", "t"] == pytest.approx(second["t", "a"], abs=1e-9)
+
+
 def test_derivatives_nest() -> None:
     e = teg.integral(teg.bracket(x < t) * x**3, (x, 0, 1))
     orders = [t**4 / 4, t**3, 3 * t**2, 6 * t, 6.0 + 0 * t]
