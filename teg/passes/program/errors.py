@@ -206,8 +206,7 @@ class _Estimator:
         return size, self.op(out, "select", self.op(out, "gt0", size), 1.0, 0.0)
 
     def _roots(self, stmt: Isolate, out: list[Stmt]) -> None:
-        """Appends roots with their errors. A root in a cluster may be anywhere in it; what is lost by a break e beside a soft one is that of
-        e^1.5/√|hi - lo|.
+        """Appends roots with their errors. A root in a cluster may be anywhere in it; an error e of a soft one counts as e^1.5/√|hi - lo|.
 
         A root of an inexact function is off by Δg/|g'|: both are computed there.
         """
