@@ -65,7 +65,7 @@ def function(narrow: str, known: Narrowing, indices: Container[int], varying: Co
         f"const {TRUTH} told = {call('lo[k]', 'first')} | {call('lo[k] + steps', 'last')};",
         "const double near = 1e-6 + 1e-14 * steps;",
         "double start = 0.0, stop = steps, since = -1.0, until = (told & 2) ? -1.0 : steps + 1.0;",
-        "double fall, place, end, least = 1.0, sound = 0.0;",
+        "double fall, place, end, larger, least = 1.0, sound = 0.0;",
         f"{TRUTH} known;",
     ]
     for m in range(count):
@@ -81,12 +81,12 @@ def function(narrow: str, known: Narrowing, indices: Container[int], varying: Co
             inside += [
                 "end = fall < 0.0 ? place + near : -1.0, since = end > since ? end : since;",
                 "end = fall > 0.0 ? place - near : steps + 1.0, until = end < until ? end : until;",
-                f"end = {g} > {h} ? {g} : {h}, least = end < least ? end : least, sound += fall - fall;",
+                f"larger = {g} > {h} ? {g} : {h}, least = larger < least ? larger : least, sound += fall - fall;",
             ]
         if m in planes:
             holds, fails = (f"{end}_{planes[m]}" for end in HELD)
             inside += [
-                f"const double {holds} = {h} > 0.0 ? {g} > 0.0 ? 0.0 : floor(place) + 1.0 : {g} > 0.0 ? 0.0 : steps + 1.0;",
+                f"const double {holds} = {g} > 0.0 ? 0.0 : {h} > 0.0 ? floor(place) + 1.0 : steps + 1.0;",
                 f"const double {fails} = {h} > 0.0 ? steps + 1.0 : {g} > 0.0 ? ceil(place) : 0.0;",
             ]
     inside += [
