@@ -3,7 +3,7 @@
     a = p / q;  b = r / s        →        c = [p, r] / [q, s];  a = c[0];  b = c[1]
 
 On CPUs XLA computes a quotient or a square root once, in a kernel of its own, where several operations need it; and a kernel costs it as
-much time as a hundred operations. The roots of a few quadratics are a hundred kernels. So those that do not depend on each other are
+much time as 40 to 100 operations. The roots of a few quadratics are a hundred kernels. So those that do not depend on each other are
 computed as one array, with the same bits. Arrays of more than SMALL numbers are left as they are. This module imports JAX.
 """
 
