@@ -138,10 +138,10 @@ class Caller:
     """The two ways to call a kernel of a library, which exports it as `name`_watched."""
 
     def __init__(self, library: ctypes.CDLL, name: str = "teg_kernel") -> None:
-        self._library = library  # it stays loaded
+        callers, python = _library()
+        self._kept = library, python  # they stay where they are: threads that start together do not share what is cached
         kernel = ctypes.cast(getattr(library, f"{name}_watched"), ctypes.c_void_p)
         self.address = kernel.value or 0
-        callers, python = _library()
         address = ctypes.c_void_p(ctypes.addressof(python))
         pointer = ctypes.c_void_p
         batch = ctypes.PYFUNCTYPE(ctypes.c_int, pointer, pointer, ctypes.c_long, *[pointer] * 5, ctypes.c_int, ctypes.c_int)

@@ -54,8 +54,8 @@ class Call:
 def bind(kernel: CKernel | CArrayKernel, message: str, category: Any) -> int:
     """Returns the number of a kernel. `message` is the warning of class `category` where a tolerance is missed."""
     number = int.from_bytes(hashlib.sha256(kernel.source.encode()).digest()[:8], "little") >> 1
-    library = _library(category)
     with _LOCK:
+        library = _library(category)
         if library.teg_native_bind(ctypes.c_int64(number), ctypes.c_void_p(kernel.address), message.encode()):
             raise MemoryError
     return number
@@ -78,7 +78,8 @@ def _library(category: Any) -> ctypes.CDLL:
 
 def calls(category: Any) -> int:
     """Returns how many calls of kernels programs of XLA have made in this process."""
-    return int(_library(category).teg_native_calls())
+    with _LOCK:
+        return int(_library(category).teg_native_calls())
 
 
 native_p: Any = Primitive("teg_native_kernel")

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import gc
 import signal
 import subprocess
 import sys
 import textwrap
+import weakref
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from teg.backends.c import signals
 from teg.backends.c.kernel import compile_c
 from tests.backends.c_checks import in_c
 from tests.backends.programs import TWO_VARIABLES, Case, columns, expected
@@ -183,3 +186,19 @@ def test_signals_that_stop_nothing_change_nothing(case: Case) -> None:
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGALRM, before)
+
+
+def test_kernels_made_by_threads_that_start_together(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each may get functions of Python of its own, of which only one is cached: the others live as long as their kernels."""
+    shared, own = signals._library(), []
+
+    def uncached() -> tuple[object, object]:
+        functions = signals._Python(*(getattr(shared[1], name) for name in ("give", "take", "check")))
+        own.append(weakref.ref(functions))
+        return shared[0], functions
+
+    monkeypatch.setattr(signals, "_library", uncached)
+    kernel = compile_c(TWO_VARIABLES[0].program)
+    gc.collect()
+    assert own and all(functions() is not None for functions in own)
+    del kernel
