@@ -65,7 +65,7 @@ class Integrals:
         arrays = _arrays_of(stmt, frame, abreast, max(len(at_nodes), len(bounds)))
         arrays += array_of_places(frame, "ends", pieces + 1)
         spell = frame.scope()
-        ends, number_of_pieces = _ends(stmt.breaks, spell)
+        ends, number_of_pieces = _ends(stmt, spell)
         nothing = not_a_number("sum", count)
         inside = [
             *arrays,
@@ -117,7 +117,8 @@ class Integrals:
                     scale = spell(stmt.scale) if stmt.infinite else ""
                     way = bent_piece(bends, spell(stmt.base), rule.cubic, stmt.infinite, scale)
                 total = Sums(count, tested, len(stmt.watch), estimated, counted)
-                places = Places(bent, any(b.kind == "end" for b in stmt.bends), needs_context(stmt.body, False))
+                ends, noted = any(b.kind == "end" for b in stmt.bends), needs_context(stmt.body, False)
+                places = Places(bent, ends, noted, _asks_neighbours(stmt))
                 guard = None if stmt.guard is None else GuardText(frame.block(2), len(stmt.guard.seen))
                 return [*way, *adaptive_piece(nodes or block, rule, total, places, guard)]
 
@@ -144,15 +145,22 @@ def _pattern(stmt: Integrate) -> tuple[object, list[str]] | None:
     return tuple(parts), list(number)
 
 
-def _ends(breaks: Sequence[Arg], spell: Scope) -> tuple[list[str], str]:
-    """Returns lines that write the ends of the pieces of (a, b), and the number of pieces. Of many breaks those inside are picked out."""
-    count, many = len(breaks), len(breaks) > MANY
+def _ends(stmt: Integrate, spell: Scope) -> tuple[list[str], str]:
+    """Returns lines that write the ends of the pieces of (a, b), and the number of pieces. Those inside are picked
+    out where there are many breaks, and where an adaptive rule asks for the nearest ones outside."""
+    breaks = stmt.breaks
+    count, picked = len(breaks), len(breaks) > MANY or _asks_neighbours(stmt)
     lines = packed(
-        ["ends[0] = a;", *(f"ends[{i}] = {spell(t) if many else f'teg_clamp({spell(t)}, a, b)'};" for i, t in enumerate(breaks, 1))]
+        ["ends[0] = a;", *(f"ends[{i}] = {spell(t) if picked else f'teg_clamp({spell(t)}, a, b)'};" for i, t in enumerate(breaks, 1))]
     )
-    if many:
-        return [*lines, f"const int pieces = teg_breaks(ends, {count}, b);"], "pieces"
+    if picked:
+        return [*lines, "double outside[2];", f"const int pieces = teg_breaks(ends, {count}, b, outside);"], "pieces"
     return [*lines, f"ends[{count + 1}] = b;", *([f"teg_sort(ends + 1, {count});"] if count > 1 else [])], str(count + 1)
+
+
+def _asks_neighbours(stmt: Integrate) -> bool:
+    """Returns whether the rule wants to know of a piece's neighbours."""
+    return isinstance(stmt.rule, Adaptive) and bool(stmt.breaks)
 
 
 def _arrays_of(stmt: Integrate, frame: Frame, abreast: Abreast | None, most: int) -> list[str]:

@@ -29,11 +29,13 @@ class Sums:
 @dataclass(frozen=True, slots=True)
 class Places:
     """The places of an adaptive rule: those of the substitution `way` if they are `bent`, which may be that of a singular end if there are
-    `ends`; `noted` says that the block may note ties and missed tolerances there."""
+    `ends`; `noted` says that the block may note ties and missed tolerances there, `broken` that
+    there may be breaks beside the piece."""
 
     bent: bool
     ends: bool
     noted: bool
+    broken: bool
 
 
 def gauss_piece(block: Sequence[str] | Nodes, nodes: int, count: int, estimated: int, counted: bool) -> list[str]:
@@ -143,12 +145,13 @@ def adaptive_piece(block: Sequence[str] | Nodes, rule: Adaptive, sums: Sums, pla
     count, tested, watched = sums.count, sums.tested, sums.watched
     place = _place_in_interval(rule, places.bent, watched)
     whole = "whole" if guard is None else "above + here.depth * " + str(tested)
-    table, good = _assessed(rule, tested, watched, whole, places.ends)
+    table, good = _assessed(rule, sums, whole, places)
     before, after = _watched_signs(count, watched, places.noted)
     node = "(k < 0 ? 2 * k + 3 : table[k].node)" if watched else "table[k].node"
     unknown = ["const int tied = ctx->tied, missed = ctx->missed;"] if watched and places.noted else []
     first, inside = nodes_of(block, "nodes", [f"const double u = middle + half * {node};", *place, *unknown], "slope")
     return [
+        *(["const int neighbours = teg_neighbours(ends, pieces, i, outside);"] if places.broken else []),
         "teg_interval waiting[TEG_MAX_DEPTH + 2];",
         "waiting[0] = (teg_interval){0.0, 1.0, 0};",
         *(f"teg_fill({total}, {tested}, 0.0);" for total in ("spent", "whole")),
@@ -211,20 +214,27 @@ def _place_in_interval(rule: Adaptive, bent: bool, watched: int) -> list[str]:
     return [*place, "x = teg_within(p, q, x);"] if watched else place
 
 
-def _assessed(rule: Adaptive, tested: int, watched: int, whole: str, ends: bool) -> tuple[list[str], str]:
+def _assessed(rule: Adaptive, sums: Sums, whole: str, places: Places) -> tuple[list[str], str]:
     """Returns lines that choose the table of nodes, and the condition under which the measurements are good enough.
 
     The first look has a rule of its own, unless signs are watched.
     """
-    first, power = (f"(way.kind == TEG_POWER ? 0 : {n})" if ends else str(n) for n in map(decay_power, (rule.first, rule.order)))
-    if watched:
+    first, power = map(decay_power, (rule.first, rule.order))
+    powers = str(power) if sums.watched or first == power else f"(used == 1 ? {first} : {power})"
+    rough = ["way.kind == TEG_POWER"] if places.ends else []
+    if places.broken:
+        rough.append("((neighbours & 1) && here.from == 0.0) || ((neighbours & 2) && here.to == 1.0)")
+    if rough:
+        powers = f"{' || '.join(rough)} ? 0 : {powers}"
+    good = f"teg_assess({sums.tested}, measured, {whole}, {literal(rule.tol)}, {powers})"
+    if sums.watched:
         table = [f"const int nodes = {rule.order};", f"const teg_node *const table = teg_nodes_{rule.order};"]
-        return table, f"(changed ? fine : teg_assess({tested}, measured, {whole}, {literal(rule.tol)}, {power}))"
+        return table, f"(changed ? fine : {good})"
     table = [
         f"const int nodes = used == 1 ? {rule.first} : {rule.order};",
         f"const teg_node *const table = used == 1 ? teg_nodes_{rule.first} : teg_nodes_{rule.order};",
     ]
-    return table, f"teg_assess({tested}, measured, {whole}, {literal(rule.tol)}, used == 1 ? {first} : {power})"
+    return table, good
 
 
 def _watched_signs(count: int, watched: int, noted: bool) -> tuple[list[str], list[str]]:

@@ -35,6 +35,7 @@ def integral(
 
     Behind the values the body has `watched` signs (an interval on which one changes is halved), and the sharp values of a `guard`.
     """
+    pieces = pieces._replace(adaptive=True)
     how = _How(pieces, tol, _Nodes.of(orders, watched > 0), watched, guard)
     return integrate(pieces, partial(_piece, how), *integral, when=when)
 
@@ -150,7 +151,11 @@ def _turned(how: _How, piece: OnPiece, at: _Progress) -> _Progress:
     weighted = found[:, : pieces.values] * (0.5 * width * rate)[:, None]
     seen = jnp.concatenate([at.seen[nodes.width :], jnp.concatenate([weighted, found[:, pieces.values :]], axis=1)])
     full = looks | (at.turn + 1 == nodes.turns)
-    measured = _measured(how, looks, seen, places.kind != POWER)
+    smooth = places.kind != POWER
+    if piece.neighbours:
+        first, last = piece.neighbours
+        smooth &= ~(first & (at.start == 0)) & ~(last & (at.start + at.width == END))
+    measured = _measured(how, looks, seen, smooth)
     good, above, reference, whole, hidden = _judged(how, piece, at, measured, (looks, seen))
     changed, deepest = measured.changed, at.width == 1
     done = full & (good | (~looks & (deepest | (at.used + 1 >= MAX_INTERVALS))))

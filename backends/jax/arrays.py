@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 import jax.numpy as jnp
+from jax import lax
 
 from teg.backends.jax.entries import array_of
 from teg.backends.shared.arrays import Arrays, Values
@@ -19,4 +20,4 @@ def _rows(values: Values, like: Any) -> Any:
     return array_of(values) if jnp.ndim(like) == 0 else jnp.stack([jnp.broadcast_to(v, jnp.shape(like)) for v in values])
 
 
-JAX = Arrays(jnp, _choose, _rows)
+JAX = Arrays(jnp, _choose, _rows, lax.cummax)

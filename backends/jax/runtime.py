@@ -101,7 +101,8 @@ def rows(body: Callable[..., tuple[tuple[Scalar, ...], Note]], columns: Sequence
 
 
 class Pieces(NamedTuple):
-    """What an integral has beside its body: `values` of which `tested` count, estimates if `estimated`, kinds of bends, tails."""
+    """What an integral has beside its body: `values` of which `tested` count, estimates if `estimated`, kinds of bends, tails; an
+    `adaptive` rule asks for neighbours."""
 
     values: int
     tested: int
@@ -109,6 +110,7 @@ class Pieces(NamedTuple):
     kinds: tuple[str, ...] = ()
     cubic: bool = False
     infinite: bool = False
+    adaptive: bool = False
 
     @property
     def ways(self) -> tuple[int, ...]:
@@ -146,9 +148,12 @@ def integrate(
     points = jnp.concatenate([jnp.atleast_1d(v) for v in inner])
     if len(breaks) > 1:
         points = jnp.sort(points)
+    beside: tuple[Any, ...] = ()
+    if pieces.adaptive and breaks:
+        beside = rules.neighbours(JAX, points, (lo, hi), entries.stacked(breaks))
     base, scale, *coefficients = bends or (0.0, 1.0)
 
-    def piece(p: Scalar, q: Scalar) -> tuple[Any, Note]:
+    def piece(p: Scalar, q: Scalar, *neighbours: Scalar) -> tuple[Any, Note]:
         active = when & ~broken & rules.is_wide(jnp, p, q)
         need, counts, flagged, note = True, (), (), jnp.int32(0)
         if flags is not None:
@@ -156,14 +161,14 @@ def integrate(
         bent = [(kind, *coefficients[3 * i : 3 * i + 3], counts[i]) for i, kind in enumerate(pieces.kinds)]
         of_bends = Bends(base, bent)
         places = substitution(JAX, (p, q), of_bends, pieces.cubic, pieces.infinite, scale)
-        sums, note_body = rule(OnPiece(places, body, flagged), of_bends, active & need)
+        sums, note_body = rule(OnPiece(places, body, flagged, neighbours), of_bends, active & need)
         return sums, where(active, note) | note_body
 
     if len(breaks) < MANY:
-        sums, notes = jax.vmap(piece)(points[:-1], points[1:])
+        sums, notes = jax.vmap(piece)(points[:-1], points[1:], *beside)
         total, note = jnp.sum(sums, axis=0), union(notes)
     else:
-        total, note = _one_by_one(piece, points, when & ~broken, pieces)
+        total, note = _one_by_one(piece, (points[:-1], points[1:], *beside), when & ~broken, pieces)
     sign = jnp.where(lo <= hi, 1.0, -1.0)
     total = jnp.concatenate([sign * total[: pieces.values], total[pieces.values :]])
     total = jnp.where(broken, jnp.nan, total)
@@ -171,15 +176,16 @@ def integrate(
     return entries.entries(total), note
 
 
-def _one_by_one(piece: Callable[..., tuple[Any, Note]], points: Any, active: Scalar, pieces: Pieces) -> tuple[Any, Note]:
-    """The sums over pieces, and the note; those that have no length, which are nearly all of many, are left out."""
-    is_wide = active & rules.is_wide(jnp, points[:-1], points[1:])
-    _, p, q = lax.sort((~is_wide, points[:-1], points[1:]), num_keys=1, is_stable=True)
+def _one_by_one(piece: Callable[..., tuple[Any, Note]], ends: tuple[Any, ...], active: Scalar, pieces: Pieces) -> tuple[Any, Note]:
+    """The sums over pieces by their ends and neighbours, and the note; those that have no length, which are nearly all of many, are left
+    out."""
+    is_wide = active & rules.is_wide(jnp, *ends[:2])
+    columns = lax.sort((~is_wide, *ends), num_keys=1, is_stable=True)[1:]
     count = jnp.sum(is_wide)
 
     def step(at: tuple[Any, Any, Any]) -> tuple[Any, Any, Any]:
         k, sums, note = at
-        more, noted = piece(p[k], q[k])
+        more, noted = piece(*(column[k] for column in columns))
         return k + 1, sums + more, note | noted
 
     _, sums, note = while_loop(lambda at: at[0] < count, step, (jnp.int64(0), jnp.zeros(pieces.results), jnp.int32(0)))
@@ -188,11 +194,12 @@ def _one_by_one(piece: Callable[..., tuple[Any, Note]], points: Any, active: Sca
 
 class OnPiece(NamedTuple):
     """One piece of an integral, by its substitution: the body gives the values at a place, (results,), and the note; the flags of the
-    piece."""
+    piece; whether it has neighbours at its first and at its last end, if it may have any."""
 
     places: Substitution
     body: Body
     flagged: tuple[Scalar, ...]
+    neighbours: tuple[Scalar, ...] = ()
 
     def at(self, x: Scalar) -> tuple[Any, Any]:
         return vector(self.body(x, self.flagged))

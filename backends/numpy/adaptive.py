@@ -69,6 +69,10 @@ class AdaptiveIntegral(Integral):
     guard: Guard | None = None
 
     @property
+    def is_adaptive(self) -> bool:
+        return True
+
+    @property
     def is_cubic(self) -> bool:
         return self.cubic
 
@@ -170,13 +174,15 @@ class AdaptiveIntegral(Integral):
         self._count(run, piece.size * (nodes + 2 * (self.watched > 0)))
         for part in parts(piece.size, run.chunk(self.node_width, nodes)):
             here, given = (some := pieces.part(piece[part])).places, some.values
+            first, last = some.neighbours
+            smooth = (here.kind != POWER) & ~(first & (left[part] == 0.0)) & ~(last & (left[part] + width == 1.0))
             x, rate = places_of(here, left[part] + (0.5 * width) * (1.0 + at[:, None]))
             rate *= 0.5 * width
             found = self.body(run, x, *given)
             for i, value in enumerate(found[: self.values]):
                 weighted = np.broadcast_to(value * rate, x.shape)
                 if i < self.tested:
-                    result.total[i, part], result.size[i, part], result.error[i, part] = measure(weighted, nodes, here.kind != POWER)
+                    result.total[i, part], result.size[i, part], result.error[i, part] = measure(weighted, nodes, smooth)
                 else:
                     result.total[i, part] = weights @ weighted
             behind = self.values + self.watched

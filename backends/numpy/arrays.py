@@ -27,7 +27,7 @@ def _rows(values: Values, like: Any) -> Any:
     return np.stack([np.broadcast_to(v, np.shape(like)) for v in values])
 
 
-NUMPY = Arrays(np, _choose, _rows)
+NUMPY = Arrays(np, _choose, _rows, np.maximum.accumulate)
 
 
 def places_of(s: Substitution, u: Any) -> tuple[Any, Any]:

@@ -11,11 +11,9 @@ from functools import partial
 from typing import Any, NamedTuple
 
 from teg.backends.shared.arrays import Arrays, Values
-from teg.program import FAR, NEAR, POLE
+from teg.program import AT_END, FAR, NEAR, POLE
 
 LINE, CUBIC, SQUARE, SINE, COSH, SINH, EXP, POWER, TAIL = range(9)
-END = 1e-9
-"""A zero within this part of a piece's length of its end is at its end."""
 Bend = tuple[str, Any, Any, Any, Any]
 """Kind, c₀, c₁, c₂, and where the bend counts."""
 
@@ -178,7 +176,7 @@ def _zeros(arrays: Arrays, p: Any, q: Any, margin: Any, bends: Sequence[Bend]) -
     linear = xp.abs(c2) * width * width <= 1e-13 * (xp.abs(c1) * width + xp.abs(c0))
     active = when & xp.isfinite(c0) & xp.isfinite(c1) & xp.isfinite(c2) & xp.isfinite(length)
     active = active & ~(linear & (xp.abs(c1) * width <= 1e-13 * xp.abs(c0)))
-    square, nearby = c1 * c1 - 4.0 * c0 * c2, END * length
+    square, nearby = c1 * c1 - 4.0 * c0 * c2, AT_END * length
     paired = ~linear & (square < 0.0)
     larger = -0.5 * (c1 + xp.copysign(xp.sqrt(xp.abs(square)), c1))
     one, other = xp.where(linear, -c0 / c1, c0 / larger), xp.where(linear, -c0 / c1, larger / c2)
@@ -252,7 +250,7 @@ def _around_pole(xp: Any, p: Any, q: Any, at: _Zeros) -> tuple[Any, Any, Any]:
 
 def _around_end(xp: Any, centre: Any, p: Any, q: Any, at: _Zeros) -> tuple[Any, Any, Any]:
     """Returns kind, m and h around zeros at which a root or a power ends. Zeros at ends of the piece do not stay inside."""
-    below, above, nearby = at.m - at.h, at.m + at.h, END * (q - p)
+    below, above, nearby = at.m - at.h, at.m + at.h, AT_END * (q - p)
     curved = xp.where(xp.abs(centre - at.m) <= at.h, SINE, COSH)
     kind = xp.where(at.paired, SINH, xp.where(at.alone, SQUARE, curved))
     if at.end is not False:

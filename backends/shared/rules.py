@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from teg.backends.shared.arrays import Arrays
 from teg.numerics.quadrature import decay_power
-from teg.program import ABSOLUTE_FLOOR, EDGE, FAINT, HIDDEN, NOISE, PIECE_EPS, PLACED, ROUNDING, TIE_EPS, UNSEEN
+from teg.program import ABSOLUTE_FLOOR, AT_END, EDGE, FAINT, HIDDEN, NEIGHBOUR, NOISE, PIECE_EPS, PLACED, ROUNDING, TIE_EPS, UNSEEN
 
 
 def powi(xp: Any, x: Any, n: int) -> Any:
@@ -43,6 +44,22 @@ def is_wide(xp: Any, p: Any, q: Any) -> Any:
     """Returns whether a piece is longer than rounding."""
     length = q - p
     return (length > PIECE_EPS * xp.maximum(xp.abs(p), xp.abs(q))) | xp.isposinf(length)
+
+
+def neighbours(arrays: Arrays, points: Any, bounds: tuple[Any, Any], breaks: Any) -> tuple[Any, Any]:
+    """Returns whether the pieces between `points`, which are sorted along the first axis, have a neighbour at their first end, and at their
+    last one; `breaks`, along the first axis, may lie outside of the bounds."""
+    xp, (lo, hi), p, q = arrays.xp, bounds, points[:-1], points[1:]
+    low, high, wide, length = xp.minimum(lo, hi), xp.maximum(lo, hi), is_wide(xp, p, q), q - p
+    below = xp.max(xp.where(breaks < low, breaks, -xp.inf), axis=0, keepdims=True)
+    above = xp.max(xp.where(breaks > high, -breaks, -xp.inf), axis=0, keepdims=True)
+    starts = arrays.running_max(xp.concatenate([below, xp.where(wide, p, -xp.inf)]))[:-1]
+    stops = -arrays.running_max(xp.concatenate([above, xp.where(wide, -q, -xp.inf)[::-1]]))[:-1][::-1]
+
+    def near(distance: Any) -> Any:
+        return (AT_END * length < distance) & (distance < NEIGHBOUR * length) & xp.isfinite(length)
+
+    return near(p - starts), near(stops - q)
 
 
 def rounding(xp: Any, p: Any, q: Any) -> Any:

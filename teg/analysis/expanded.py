@@ -112,9 +112,10 @@ def distance(lo: Expr, hi: Expr) -> Expr:
     return difference if short is None or _length(short) >= _length(difference) else short
 
 
-def perfect_power(e: Expr) -> tuple[int, Expr, int] | None:
-    """Returns (sign of c, h, k) with e = c·hᵏ, c a number and k > 1 as large as possible; None if e is no such power."""
-    form, generators = _normal_form(e, MOST_TERMS)
+def perfect_power(e: Expr, exact: bool = True) -> tuple[int, Expr, int] | None:
+    """Returns (sign of c, h, k) with e = c·hᵏ, c a number and k > 1 as large as possible; None if e is no such power, or if a number in h
+    is not exact as float64. Without `exact`, the numbers in h are rounded, and e may be longer."""
+    form, generators = _normal_form(e, MOST_TERMS if exact else 4 * MOST_TERMS)
     if not form:
         return None
     lead = max(form, key=lambda m: _dense(m, len(generators)))
@@ -122,8 +123,8 @@ def perfect_power(e: Expr) -> tuple[int, Expr, int] | None:
     for k in range(shared, 1, -1):
         base = _root(form, lead, k, len(generators)) if shared % k == 0 else None
         if base is not None:
-            scale = math.lcm(*(c.denominator for c in base.values()))
-            h = _from_form({m: c * scale for m, c in base.items()}, generators)
+            scale = math.lcm(*(c.denominator for c in base.values())) if exact else 1
+            h = _from_form({m: c * scale for m, c in base.items()}, generators, exact)
             return None if h is None else (1 if form[lead] > 0 else -1, h, k)
     return None
 
@@ -181,11 +182,11 @@ def _is_float(number: Fraction) -> bool:
         return False
 
 
-def _from_form(form: Form, generators: Sequence[Expr]) -> Expr | None:
-    """Returns a form as an expression; None if a number in it is not exact as float64."""
+def _from_form(form: Form, generators: Sequence[Expr], exact: bool = True) -> Expr | None:
+    """Returns a form as an expression; None if a number in it must be `exact` as float64, and is not."""
     terms = []
     for m, coefficient in form.items():
-        if not _is_float(coefficient):
+        if exact and not _is_float(coefficient):
             return None
         terms.append(mul(const(float(coefficient)), *(generators[i] ** k for i, k in m)))
     return add(*terms)

@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, cast
 from teg.analysis.branches import branches_of
 from teg.analysis.calculus import slope
 from teg.analysis.coincidence import coincide
+from teg.analysis.expanded import perfect_power
 from teg.analysis.isolation import MARGIN
 from teg.analysis.polynomial import Shadow
 from teg.analysis.roots import Roots, discriminant, far_origin, local_origin, quadratic_coefficients
@@ -258,11 +259,14 @@ def _turning(f: Expr, z: Var) -> list[Expr]:
 def _resultant(first: tuple[Expr, Expr, Expr], second: tuple[Expr, Expr, Expr]) -> Expr:
     """Returns an expression that is 0 where two quadratics have a common root.
 
-    (A₁C₂ - A₂C₁)² - (A₁B₂ - A₂B₁)·(B₁C₂ - B₂C₁); if both are linear, the last factor.
+    (A₁C₂ - A₂C₁)² - (A₁B₂ - A₂B₁)·(B₁C₂ - B₂C₁); if both are linear, the last factor. Where that is the square of a polynomial, as for
+    curves that meet on a side of the box, it is that polynomial: only half of a double root's digits can be found.
     """
     (a1, b1, c1), (a2, b2, c2) = first, second
     linear = sub(mul(b1, c2), mul(b2, c1))
     result = sub(integer_power(sub(mul(a1, c2), mul(a2, c1)), 2), mul(sub(mul(a1, b2), mul(a2, b1)), linear))
+    power = perfect_power(result, exact=False)
+    result = result if power is None else power[1]
     if a1.free or a2.free or isinstance(a1, Const) or isinstance(a2, Const):
         return result
     return where(positive(add(call("magnitude", a1), call("magnitude", a2))), result, linear)

@@ -26,6 +26,7 @@ a dataclass whose fields have roles (`teg.program.fields`): walks, renaming, dea
 
 from teg.program.limits import (
     ABSOLUTE_FLOOR,
+    AT_END,
     BOX_COST,
     CLIP_EPS,
     CLOSE_ENDS,
@@ -59,6 +60,7 @@ from teg.program.limits import (
     NEAR,
     NEAR_SIDE,
     NEARLY,
+    NEIGHBOUR,
     NO_FLUX,
     NOISE,
     PIECE_EPS,
@@ -119,6 +121,7 @@ from teg.program.walk import (
 
 __all__ = [
     "ABSOLUTE_FLOOR",
+    "AT_END",
     "BOX_COST",
     "CLIP_EPS",
     "CLOSE_ENDS",
@@ -152,6 +155,7 @@ __all__ = [
     "NEAR",
     "NEARLY",
     "NEAR_SIDE",
+    "NEIGHBOUR",
     "NOISE",
     "NO_FLUX",
     "PIECE_EPS",

@@ -54,6 +54,10 @@ POLE = 16 * 2.0**-52
 """A pole that near to a piece, relative to its distance from 0, may be on it."""
 RESIDUE = 1e-8
 """An integrand whose highest coefficient is less than that, relative to its size, has no pole."""
+AT_END = 1e-9
+"""A zero within this part of a piece's length of its end is at its end."""
+NEIGHBOUR = 2.0**-5
+"""A break beyond an end of a piece, within this part of its length, is a neighbour: if it is a branch point, the nodes do not see it."""
 FAR = 64.0
 """The size of a zero that is too far to count beside another one: what it costs is less than the rounding of large numbers."""
 NEAR = 6.0 + 1.0 / 6.0

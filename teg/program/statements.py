@@ -165,7 +165,8 @@ class Isolate:
     where g is defined.
 
     Roots are found by Newton's method, kept inside by bisection, to a step of 2⁻⁵²·|v| or ISOLATE_STEPS steps. The error of a root is
-    half of a joined box, √(2·noise/|g″(t)|) for a tangency, else 0; if one is more than tol·|hi - lo| the tolerance was missed. More than
+    half of a joined box, √(2·noise/|g″(t)|) for a tangency, else 0; if one is more than tol·|hi - lo| the tolerance was missed. At roots
+    that are `soft` an integrand is taken to be continuous, with √-like behaviour behind: an error e matters as e^1.5. More than
     `width` boxes on a level, or more roots than results, make every result NaN: the search is *crowded*, and the same program with more
     room has the answer.
     """
@@ -188,6 +189,7 @@ class Isolate:
     tol: float = math.inf
     width: int = ISOLATE_WIDTH
     errors: Annotated[tuple[str, ...], Result(each=True, absent=math.inf)] = ()
+    soft: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -62,6 +62,16 @@ def test_powers_of_quotients() -> None:
     assert abs(values_of([found[1]], at)[0]) == pytest.approx(abs(values_of([root], at)[0]), rel=1e-14)
 
 
+def test_numbers_of_a_root_that_must_be_rounded() -> None:
+    root = (x - 0.1) ** 2 - y
+    square = (x - 0.1) ** 4 - 2 * (x - 0.1) ** 2 * y + y**2
+    assert perfect_power(square) is None
+    found = perfect_power(square, exact=False)
+    assert found is not None
+    at = {x: 0.7, y: 0.3}
+    assert abs(values_of([found[1]], at)[0]) == pytest.approx(abs(values_of([root], at)[0]), rel=1e-14)
+
+
 @pytest.mark.parametrize("e", [x**2 + a, x * y, x + 1])
 def test_other_expressions_are_no_powers(e: teg.Expr) -> None:
     assert perfect_power(e) is None

@@ -1,44 +1,93 @@
-"""Solids in a box by slices: values are right, and estimates hold their errors. References: caps and lenses in closed form."""
+"""Slices of solids: where two of their curves meet on a side of the box is found to the last digit, so no call warns, and estimates hold
+the errors of slices with branch points close to each other.
+
+References: mpmath with 30 digits, areas of slices in closed form; volumes of caps and lenses in closed form.
+"""
 
 from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 
 import teg
+from teg.ir.expr import Expr
 from tests.backends.c_checks import in_c
 
-pytestmark = pytest.mark.filterwarnings("ignore::teg.AccuracyWarning")
+pytestmark = pytest.mark.filterwarnings("error")
 
 x, y, z = teg.vars("x y z")
-t, d = teg.params("t d")
-u, v, w = teg.params("u v w")
+t, d, a, b, c, p, q = teg.params("t d a b c p q")
+u, v, w, s = teg.params("u v w s")
 CUBE = ((x, 0, 1), (y, 0, 1), (z, 0, 1))
 BACKENDS = ("numpy", pytest.param("c", marks=in_c))
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
-def test_caps_of_a_ball(backend: str) -> None:
-    """In one of them the cap ends 3e-4 below the pole of the ball, where the error is 4.5e-11."""
-    centre, r = (0.50165, 0.38558, 0.43603), 0.22347
-    ball = (x - centre[0]) ** 2 + (y - centre[1]) ** 2 + (z - centre[2]) ** 2 < t
-    f = teg.compile(teg.integral(teg.bracket(ball & (u * x + v * y + w * z > d)), *CUBE), [t], backend=backend)
-    for slopes, at in (((-0.478, -0.8712), 0.01345), ((0.6, -0.64), -0.1), ((0.28, 0.6), 0.15)):
-        across = math.sqrt(1 - sum(s * s for s in slopes))
-        normal = (*slopes, across)
-        offset = sum(n * c for n, c in zip(normal, centre, strict=True)) + at
-        value, estimate = f.value_and_error(t=r * r, d=offset, **dict(zip("uvw", normal, strict=True)))
-        assert abs(value - math.pi * (r - at) ** 2 * (2 * r + at) / 3) <= max(estimate, 1e-14)
+@pytest.mark.usefixtures("x64")
+@pytest.mark.parametrize("backend", ["numpy", "jax", pytest.param("c", marks=in_c)])
+def test_a_ball_and_a_plane(backend: str) -> None:
+    f = teg.compile(teg.integral(teg.bracket((x * x + y * y + z * z < t) & (x + y - z > d - 0.4)), *CUBE), [t, d], backend=backend)
+    value, slopes = f.value_and_grad(t=0.45, d=0.37)
+    assert value == pytest.approx(0.12780226891100108, rel=1e-14)
+    assert slopes == pytest.approx({"t": 0.42178719238926490, "d": -0.12661111942216020}, rel=1e-11)
+    _, estimate = f.value_and_error(t=0.45, d=0.37)
+    assert estimate < 1e-13
+
+
+@pytest.mark.parametrize(
+    "inside",
+    [
+        (x * x + y * y + z * z < t) & (a * x + b * y + c * z > d),
+        ((x - p) ** 2 + (y - q) ** 2 + z * z < t) & (a * x + b * y + c * z > d),
+        (x * x + y * y < t) & (a * x + b * y + c * z > d),
+        (x * x + y * y < z * z * t) & (a * x + b * y + c * z > d),
+        (x * x + y * y + z * z < t) & (a * x + b * y > d) & (x - c * z < 0.4),
+    ],
+    ids=["ball", "ball elsewhere", "cylinder", "cone", "two planes"],
+)
+def test_planes_with_coefficients(inside: Expr) -> None:
+    f = teg.compile(teg.integral(teg.bracket(inside), *CUBE), [t], backend="numpy")
+    given = {"t": [0.3, 0.45, 0.7], "d": [0.37, 0.4, 0.6], "a": 0.9, "b": [0.7, 1.2, 1.1], "c": [0.35, -0.2, 0.8], "p": 0.2, "q": 0.31}
+    _, estimates = f.value_and_error({name: given[name] for name in f.parameters})
+    assert max(estimates) < 1e-10
+
+
+def caps(count: int) -> tuple[dict[str, np.ndarray], np.ndarray]:
+    """Returns balls in the cube and planes that cut them, as columns, and the volumes of what is cut off."""
+    random = np.random.default_rng(0)
+    centre, r = random.uniform(0.35, 0.65, (3, count)), random.uniform(0.05, 0.34, count)
+    normal = random.normal(size=(3, count))
+    normal /= np.linalg.norm(normal, axis=0)
+    at = random.uniform(-0.95, 0.95, count) * r
+    columns = (*centre, *normal, r * r, (normal * centre).sum(axis=0) + at)
+    return dict(zip("pqsuvwtd", columns, strict=True)), math.pi * (r - at) ** 2 * (2 * r + at) / 3
+
+
+@pytest.mark.filterwarnings("ignore::teg.AccuracyWarning")
+@pytest.mark.usefixtures("x64")
+@pytest.mark.parametrize("backend", ["numpy", "jax", pytest.param("c", marks=in_c)])
+def test_estimates_of_caps(backend: str) -> None:
+    """In one of a hundred the cap ends so near to the pole of its ball that the nodes of a slice do not see that: 7e-11 of 3e-3."""
+    ball = (x - p) ** 2 + (y - q) ** 2 + (z - s) ** 2 < t
+    f = teg.compile(teg.integral(teg.bracket(ball & (u * x + v * y + w * z > d)), *CUBE[::-1]), [t], backend=backend)
+    columns, volumes = caps({"c": 2000, "numpy": 400, "jax": 200}[backend])
+    values, estimates = f.value_and_error(columns)
+    errors = np.abs(values - volumes)
+    assert (errors <= estimates + 1e-15).all()
+    assert (errors <= 1e-10 * volumes).all()
+    assert (estimates <= 1e-9 * volumes).mean() > 0.98
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_two_balls(backend: str) -> None:
+    """Where their slices touch is found as a double root, to half of its digits, but the area of a slice is continuous there."""
     first, second, r = (0.4, 0.4, 0.45), (0.6, 0.55, 0.5), 0.3
-    balls = [(x - a) ** 2 + (y - b) ** 2 + (z - c) ** 2 < t for a, b, c in (first, second)]
+    balls = [(x - u0) ** 2 + (y - v0) ** 2 + (z - w0) ** 2 < t for u0, v0, w0 in (first, second)]
     f = teg.compile(teg.integral(teg.bracket(balls[0] & balls[1]), *CUBE), [t], backend=backend)
     apart = math.dist(first, second)
     value, estimate = f.value_and_error(t=r * r)
-    assert abs(value - math.pi * (4 * r + apart) * (2 * r - apart) ** 2 / 12) <= max(estimate, 1e-14)
+    assert value == pytest.approx(math.pi * (4 * r + apart) * (2 * r - apart) ** 2 / 12, rel=1e-14)
+    assert estimate < 1e-9
     slope = math.pi * ((2 * r - apart) ** 2 + (4 * r + apart) * (2 * r - apart)) / (6 * r)
     assert f.grad(t=r * r)["t"] == pytest.approx(slope, rel=1e-10)

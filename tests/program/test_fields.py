@@ -162,7 +162,7 @@ def test_verification_follows() -> None:
 @pytest.mark.parametrize("cls", [Integrate, Isolate, Locate, SumOver, Sample, Polygon, Segment, Hyperbola, When, Assign])
 def test_every_field_that_may_hold_a_name_has_a_role(cls: type) -> None:
     plain = {f.name for f in fields(cls)} - {f.name for f in declared(cls)}
-    settings = {"op", "rule", "infinite", "tol", "width", "count", "kind", "seed", "degree", "nodes", "ties"}
+    settings = {"op", "rule", "infinite", "tol", "width", "count", "kind", "seed", "degree", "nodes", "ties", "soft"}
     assert plain <= settings
 
 

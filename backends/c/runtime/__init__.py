@@ -14,6 +14,7 @@ from teg.numerics.cells import ROUNDING as KEY_ROUNDING
 from teg.numerics.polyhedra import SIDES, box_edges
 from teg.program import (
     ABSOLUTE_FLOOR,
+    AT_END,
     BOX_COST,
     CLIP_EPS,
     CLOSE_ENDS,
@@ -46,6 +47,7 @@ from teg.program import (
     NEAR,
     NEAR_SIDE,
     NEARLY,
+    NEIGHBOUR,
     NOISE,
     PIECE_EPS,
     PLACED,
@@ -119,6 +121,8 @@ LIMITS = {
     "TEG_SIDES": 2 * (4 + MAX_CUTS),
     "TEG_EDGE": EDGE,
     "TEG_PLACED": PLACED,
+    "TEG_AT_END": AT_END,
+    "TEG_NEIGHBOUR": NEIGHBOUR,
     "TEG_FAR": FAR,
     "TEG_POLE": POLE,
     "TEG_RESIDUE": RESIDUE,

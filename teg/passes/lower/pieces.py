@@ -62,8 +62,9 @@ class Pieces:
         if not is_unbounded(node) and (len(ends) > 1 or any(Shadow((node.var,)).degree(turn.function) == 2 for turn in ends)):
             breaks += (self.out.number(mul(const(0.5), add(node.lo, node.hi)), home),)  # no piece is singular at both ends
         decisive = self._decisive(group, home)
+        bounded = not any(turn.kind in ("pole", "end") for turn in analysis.bends)
         for isolation in analysis.isolated:
-            found = self.roots.isolated_in(node, isolation, home, when, wide=True)
+            found = self.roots.breaks_in(node, isolation, home, when, soft=bounded and isolation.g not in decisive)
             if isolation.g in decisive:  # too many roots: NaN
                 lo = self.out.assign(home, "select", self.out.assign(home, "ok", found[0]), lo, NAN)
             breaks += self._mattering(found, analysis.matters[isolation.g], node.var, home)

@@ -43,9 +43,9 @@ class Roots:
 
     # -- roots ---------------------------------------------------------------------------------------------------------
 
-    def isolated(self, isolation: Isolation, lo: Expr, hi: Expr, home: Level, when: str | None) -> tuple[Arg, ...]:
-        """Returns the roots of a function between two bounds, found at run time."""
-        return self._found((isolation.g, isolation.var, lo, hi), home, when, partial(self._isolate, isolation, lo, hi, home))
+    def isolated(self, isolation: Isolation, lo: Expr, hi: Expr, home: Level, when: str | None, soft: bool = False) -> tuple[Arg, ...]:
+        """Returns the roots of a function between two bounds, found at run time. An integrand is continuous at `soft` ones."""
+        return self._found((isolation.g, isolation.var, lo, hi, soft), home, when, partial(self._isolate, isolation, lo, hi, home, soft))
 
     def _found(self, search: object, home: Level, when: str | None, emit: Callable[[str | None], tuple[Arg, ...]]) -> tuple[Arg, ...]:
         """Returns the results of a search, which runs where `when` holds and no earlier one for the same has run."""
@@ -61,7 +61,7 @@ class Roots:
         home.searches[search] = None if when is None else self.out.assign(home, "or", before, when), both
         return both
 
-    def _isolate(self, isolation: Isolation, lo: Expr, hi: Expr, home: Level, when: str | None) -> tuple[Arg, ...]:
+    def _isolate(self, isolation: Isolation, lo: Expr, hi: Expr, home: Level, soft: bool, when: str | None) -> tuple[Arg, ...]:
         ends = self.out.number(lo, home), self.out.number(hi, home)
         left, right, var = (self.out.fresh("x") for _ in range(3))
         at_left = home.inside(isolation.left, left)
@@ -74,8 +74,9 @@ class Roots:
         results = tuple(self.out.fresh("v") for _ in range(isolation.count))
         enclosure, point = (*at_left.block, *at_both.block), tuple(at_point.block)
         width = max(ISOLATE_WIDTH, BOXES * self.max_roots)
-        found = Isolate(var, *ends, left, right, enclosure, bounds, point, value, rate, results, when)
-        home.block.append(replace(found, curving=curving, noise=noise, curvature=curvature, tol=self.tol, width=width))
+        found = Isolate(var, *ends, left, right, enclosure, bounds, point, value, rate, results, when, width=width, soft=soft)
+        tol = self.tol ** (2 / 3) if soft else self.tol
+        home.block.append(replace(found, curving=curving, noise=noise, curvature=curvature, tol=tol))
         return results
 
     def _noise(self, isolation: Isolation, left: str, right: str, at_both: Level) -> Arg:
@@ -85,15 +86,25 @@ class Roots:
         at_middle.block = at_both.block
         return self.out.assign(at_middle, "mul", TIE_EPS, self.out.rounding.tie_scale(isolation.g, at_middle))
 
-    def isolated_in(self, node: Integral, isolation: Isolation, home: Level, when: str | None, wide: bool = False) -> tuple[Arg, ...]:
-        """Returns the roots of a function within the bounds of an integral (or a little beyond them), up to infinity if need be."""
+    def isolated_in(self, node: Integral, isolation: Isolation, home: Level, when: str | None) -> tuple[Arg, ...]:
+        """Returns the roots of a function within the bounds of an integral, up to infinity if need be."""
+        return self._isolated_between((node.lo, node.hi), node, isolation, home, when, False)
+
+    def breaks_in(self, node: Integral, isolation: Isolation, home: Level, when: str | None, soft: bool) -> tuple[Arg, ...]:
+        """Returns the same, also a little beyond the bounds. The integrand is continuous at `soft` ones."""
+        bounds = (node.lo, node.hi) if is_unbounded(node) else widened(node.lo, node.hi)
+        return self._isolated_between(bounds, node, isolation, home, when, soft)
+
+    def _isolated_between(
+        self, bounds: tuple[Expr, Expr], node: Integral, isolation: Isolation, home: Level, when: str | None, soft: bool
+    ) -> tuple[Arg, ...]:
         if not is_unbounded(node):
-            return self.isolated(isolation, *(widened(node.lo, node.hi) if wide else (node.lo, node.hi)), home, when)
+            return self.isolated(isolation, *bounds, home, when, soft)
         s, (start, end), place, _ = finite_place(node, [v for v in isolation.g.free if isinstance(v, Var)])
         bent = isolate(cast(Expr, substitute(isolation.g, {node.var: place})), s, isolation.count)
         if bent is None:
             raise AssertionError(f"the roots of {isolation.g} cannot be isolated")
-        found = self.isolated(bent, start, end, home, when)
+        found = self.isolated(bent, start, end, home, when, soft)
         places = [self.out.number(place, Level(s, home, home.depth + 1, names={s: root}, block=home.block)) for root in found]
         return tuple(
             self.out.assign(home, "select", self.out.assign(home, "lt0", self.out.assign(home, "sub", root, _NOWHERE)), at, root)

@@ -206,7 +206,7 @@ class _Estimator:
         return size, self.op(out, "select", self.op(out, "gt0", size), 1.0, 0.0)
 
     def _roots(self, stmt: Isolate, out: list[Stmt]) -> None:
-        """Appends roots with their errors. A root in a cluster may be anywhere in it.
+        """Appends roots with their errors. A root in a cluster may be anywhere in it; an error e of a soft one counts as e^1.5/√|hi - lo|.
 
         A root of an inexact function is off by Δg/|g'|: both are computed there.
         """
@@ -214,7 +214,11 @@ class _Estimator:
         error = self.error(stmt.value)
         for root, cluster in zip(stmt.results, stmt.errors, strict=True):
             known = self.op(out, "gt0", self.op(out, "sub", math.inf, cluster))
-            self.errors[root] = self.op(out, "select", known, cluster, 0.0)
+            lost = self.op(out, "select", known, cluster, 0.0)
+            if stmt.soft:
+                extent = self.op(out, "max", self.op(out, "abs", self.op(out, "sub", stmt.hi, stmt.lo)), LEAST)
+                lost = self.op(out, "mul", lost, self.op(out, "sqrt", self.op(out, "div", lost, extent)))
+            self.errors[root] = lost
         if error == 0.0 or not all(isinstance(s, Assign) for s in point):
             return
         slope = self.op(point, "max", self.op(point, "abs", stmt.slope), LEAST)

@@ -7,13 +7,10 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-from teg.program.limits import FAR, NEAR, POLE
+from teg.program.limits import AT_END, FAR, NEAR, POLE
 from teg.program.operations import divide
 
 LINE, CUBIC, SQUARE, SINE, COSH, SINH, EXP, POWER, TAIL = range(9)
-END = 1e-9
-"""A zero within this part of a piece's length of its end is at its end."""
-
 FUNCTIONS: dict[int, Callable[[float], tuple[float, float]]] = {
     LINE: lambda t: (t, 1.0),
     CUBIC: lambda t: (t * t * (3.0 - 2.0 * t), 6.0 * t * (1.0 - t)),
@@ -132,7 +129,7 @@ def _zeros(given: Given, first: float, last: float, base: float) -> _Bend | None
     single = len(zeros) == 1
     if not single and half < 1e-12 * length:
         return None
-    reach = END * length
+    reach = AT_END * length
     if kind == "pole":
         near = below if size_of(below) <= size_of(above) else above
         margin = POLE * max(abs(first), abs(last))
@@ -157,7 +154,7 @@ def _bent(bend: _Bend) -> Substitution:
     else:
         power = bend.kind == "end" and bend.at_p != bend.at_q
         kind = POWER if power else SQUARE if bend.single else SINE if abs(centre - m) <= h else COSH
-        reach = END * (q - p)
+        reach = AT_END * (q - p)
         left = min(0.0, p - (above if abs(above - p) <= reach else below)) if bend.at_p else 0.0
         right = max(0.0, q - (below if abs(below - q) <= reach else above)) if bend.at_q else 0.0
         m += (0.5 if kind == SINE else 1.0) * (left + right)  # zeros at ends do not stay inside

@@ -12,6 +12,7 @@ from teg.numerics.quadrature import decay_power, gauss_legendre, null_rules, pol
 from teg.program.interpreter.bends import POWER, Substitution, substitution, tail_place
 from teg.program.limits import (
     ABSOLUTE_FLOOR,
+    AT_END,
     DEEP,
     DIVERGENT,
     EDGE,
@@ -21,6 +22,7 @@ from teg.program.limits import (
     INSIDE,
     MAX_DEPTH,
     MAX_INTERVALS,
+    NEIGHBOUR,
     NOISE,
     PIECE_EPS,
     PLACED,
@@ -47,13 +49,21 @@ def integrate(machine: Machine, stmt: Integrate) -> list[float]:
     if lo != lo or hi != hi or not (stmt.infinite or (math.isfinite(lo) and math.isfinite(hi))):
         return [math.nan] * (len(stmt.results) + len(stmt.estimates))
     a, b = (lo, hi) if lo <= hi else (hi, lo)
-    points = sorted([a, *((x if x < b else b) if x > a else a for x in machine.numbers(stmt.breaks)), b])
-    for p, q in pairwise(points):
-        if q - p > PIECE_EPS * max(abs(p), abs(q)) or (math.isinf(q - p) and p < q):
-            piece.add(p, q)
+    breaks = machine.numbers(stmt.breaks)
+    points = sorted([a, *((x if x < b else b) if x > a else a for x in breaks), b])
+    pieces = [(p, q) for p, q in pairwise(points) if q - p > PIECE_EPS * max(abs(p), abs(q)) or (math.isinf(q - p) and p < q)]
+    before, after = max((x for x in breaks if x < a), default=-math.inf), min((x for x in breaks if x > b), default=math.inf)
+    starts, stops = [before, *(p for p, _ in pieces)], [*(q for _, q in pieces), after]
+    for (p, q), start, stop in zip(pieces, starts, stops[1:], strict=False):
+        piece.add(p, q, (_is_neighbour(p - start, q - p), _is_neighbour(stop - q, q - p)))
     if lo > hi:
         piece.sums = [-s for s in piece.sums]
     return [*piece.sums, *piece.errors[: len(stmt.estimates)]]
+
+
+def _is_neighbour(distance: float, length: float) -> bool:
+    """Returns whether a break at that distance from an end of a piece of that length is a neighbour."""
+    return AT_END * length < distance < NEIGHBOUR * length and math.isfinite(length)
 
 
 @dataclass
@@ -77,8 +87,8 @@ class _Piece:
         self.sums, self.errors = [0.0] * len(stmt.values), [0.0] * stmt.tested
         self.leaf = is_leaf(stmt)
 
-    def add(self, p: float, q: float) -> None:
-        """Add the integrals over one piece, and their estimates."""
+    def add(self, p: float, q: float, neighbours: tuple[bool, bool]) -> None:
+        """Add the integrals over one piece, and their estimates; `neighbours`: whether it has one at its first end, and at its last."""
         m, stmt = self.machine, self.stmt
         scale = m.number(stmt.scale)
         m.values.update({stmt.var: tail_place(p, q, INSIDE, scale) if math.isinf(q - p) else p + INSIDE * (q - p)})
@@ -96,7 +106,7 @@ class _Piece:
             case Adaptive() as rule:
                 bends = [(b.kind, m.numbers(b.coefficients)) for b in stmt.bends if m.holds(b.when)]
                 way = substitution(p, q, m.number(stmt.base), bends, rule.cubic, scale)
-                self._adaptive(way, rule)
+                self._adaptive(way, rule, neighbours)
             case _:
                 assert_never(stmt.rule)
 
@@ -151,7 +161,7 @@ class _Piece:
         sizes = [half * sum(abs(w * row[j]) for w, row in zip(weights, rows, strict=True)) for j in range(len(self.errors))]
         self._take(totals, [(rounding(p, q) + loss) * a for a in sizes])
 
-    def _adaptive(self, way: Substitution, rule: Adaptive) -> None:
+    def _adaptive(self, way: Substitution, rule: Adaptive, neighbours: tuple[bool, bool]) -> None:
         """Bisection until every interval is accepted, from the left."""
         stmt, m, tested = self.stmt, self.machine, range(self.stmt.tested)
         whole = [0.0] * stmt.tested
@@ -162,7 +172,8 @@ class _Piece:
             left, right, depth, above = waiting.pop()
             used += 1
             first = used == 1 and not stmt.watch
-            found = self._measure(way, left, right, rule.first if first else rule.order)
+            smooth = way.kind != POWER and not (neighbours[0] and left == 0.0) and not (neighbours[1] and right == 1.0)
+            found = self._measure(way, left, right, rule.first if first else rule.order, smooth)
             above = [_larger(a, s) for a, s in zip(above, found.size, strict=True)]
             if used == 1:
                 whole = list(found.size)
@@ -198,8 +209,8 @@ class _Piece:
         most = [max(rule.tol * (a + ABSOLUTE_FLOOR), ROUNDING * a) for a in whole]
         m.missed |= any(s > SPENT * w for s, w in zip(spent, most, strict=True))
 
-    def _measure(self, way: Substitution, left: float, right: float, n: int) -> _Measured:
-        """Returns the measurements of the interval (left, right) of u by n nodes."""
+    def _measure(self, way: Substitution, left: float, right: float, n: int, smooth: bool) -> _Measured:
+        """Returns the measurements of the interval (left, right) of u by n nodes; see `measure`."""
         stmt, m = self.stmt, self.machine
         half, count, watched = 0.5 * (right - left), len(stmt.values), len(stmt.watch)
         rows, signs, seen = [], [], []
@@ -218,7 +229,7 @@ class _Piece:
         hidden = any(s == 0.0 for row in signs for s in row)
         totals, sizes, errors = [], [], []
         for j in range(count):
-            total, size, error = measure([row[j] for row in rows], way.kind != POWER)
+            total, size, error = measure([row[j] for row in rows], smooth)
             totals.append(total)
             if j < stmt.tested:
                 sizes.append(size)
