@@ -223,18 +223,17 @@ def _assessed(rule: Adaptive, sums: Sums, whole: str, places: Places) -> tuple[l
     powers = str(power) if sums.watched or first == power else f"(used == 1 ? {first} : {power})"
     rough = ["way.kind == TEG_POWER"] if places.ends else []
     if places.broken:
-        rough.append("((neighbours & 1) && here.from == 0.0) || ((neighbours & 2) && here.to == 1.0)")
-    if rough:
-        powers = f"{' || '.join(rough)} ? 0 : {powers}"
-    good = f"teg_assess({sums.tested}, measured, {whole}, {literal(rule.tol)}, {powers})"
+        rough += ["((neighbours & 1) && here.from == 0.0)", "((neighbours & 2) && here.to == 1.0)"]
+    choice = [f"const int power = {' || '.join(rough)} ? 0 : {powers};"] if rough else []
+    good = f"teg_assess({sums.tested}, measured, {whole}, {literal(rule.tol)}, {'power' if rough else powers})"
     if sums.watched:
         table = [f"const int nodes = {rule.order};", f"const teg_node *const table = teg_nodes_{rule.order};"]
-        return table, f"(changed ? fine : {good})"
+        return [*table, *choice], f"(changed ? fine : {good})"
     table = [
         f"const int nodes = used == 1 ? {rule.first} : {rule.order};",
         f"const teg_node *const table = used == 1 ? teg_nodes_{rule.first} : teg_nodes_{rule.order};",
     ]
-    return table, good
+    return [*table, *choice], good
 
 
 def _watched_signs(count: int, watched: int, noted: bool) -> tuple[list[str], list[str]]:

@@ -73,6 +73,7 @@ class BreakAnalysis:
         self._formulas: dict[tuple[Expr, Var, Expr, Expr], Roots | None] = {}
         self._points = (Point("first"), Point("second"))
         self._keys: dict[Expr, object] = {}
+        self._turned: dict[tuple[object, object], Expr] = {}
 
     # -- breaks --------------------------------------------------------------------------------------------------------
 
@@ -232,6 +233,19 @@ class BreakAnalysis:
             u, v = (p.value(f) for p in self._points)
             self._keys[f] = divided(v, u) if u and v else f
         return self._keys[f]
+
+    def note_turned(self, resultant: Expr, border: Expr, turned: Expr) -> None:
+        """Keeps a function with the same zeros as a resultant has where a border is 0."""
+        self._turned[self.key(resultant), self.key(border)] = turned
+
+    def turned(self, f: Expr, g: Expr) -> tuple[Expr, Expr] | None:
+        """Returns two functions that are 0 where f and g are, without double zeros that these have: f is a resultant of quadratics, and g the
+        discriminant of one of them, or the other way round. None for others."""
+        for resultant, border in ((f, g), (g, f)):
+            found = self._turned.get((self.key(resultant), self.key(border)))
+            if found is not None:
+                return found, border
+        return None
 
     def solve(self, f: Expr, x: Var, lo: Expr, hi: Expr) -> Roots | None:
         """Returns the roots of a function by formula, cached: integrals that share surfaces and bounds ask for the same roots."""

@@ -188,6 +188,7 @@ class Projection:
                     self._put(sub(mul(rate2, at1), mul(rate1, at2)), near(crossing, lo, hi))
             for g, _ in self.quadratic:
                 if not self._apart(f, g):
+                    g, *_ = self.analysis.turned(g, f) or (g,)
                     self._put(cast(Expr, substitute(g, {self.node.var: crossing})), near(crossing, lo, hi))
 
     def _quadratics_meet(self) -> None:
@@ -195,8 +196,22 @@ class Projection:
         nearby = {f: self.analysis.nearby(f, self.node.var, self.node.lo, self.node.hi) for f, _ in self.quadratic}
         for i, (f, first) in enumerate(self.quadratic):
             for g, second in self.quadratic[:i]:
-                if not self._apart(f, g):
-                    self._put(_resultant(first, second), conjunction(nearby[f], nearby[g]))
+                matters = conjunction(nearby[f], nearby[g])
+                if self._apart(f, g) or self._met_at_a_turn(f, g, matters):
+                    continue
+                resultant = _resultant(first, second)
+                self._put(_unless_linear(resultant, first, second), matters)
+                for turning, other in ((first, second), (second, first)):
+                    self.analysis.note_turned(resultant, discriminant(*turning), _at_the_turn(turning, other))
+
+    def _met_at_a_turn(self, f: Expr, g: Expr, matters: Cond = TRUE) -> bool:
+        """Adds where two functions meet that are a resultant and a discriminant; returns whether they are."""
+        z, pair = self.node.var, self.analysis.turned(f, g)
+        if pair is None or max(self.analysis.degrees.of(h, z) or 3 for h in pair) > 2:
+            return False
+        first, second = (quadratic_coefficients(h, z, self.centre) for h in pair)
+        self._put(_unless_linear(_resultant(first, second), first, second), matters)
+        return True
 
     def _others_meet(self) -> None:
         """Adds where roots of functions of higher degree meet any others: by formula, or by a search at run time."""
@@ -209,7 +224,7 @@ class Projection:
                 continue
             for root in formula.found:
                 for g in (*curved[i + 1 :], *(f for f, *_ in self.affine)):
-                    if not (coincide(f, g) or self._apart(f, g)):
+                    if not (coincide(f, g) or self._apart(f, g) or self._met_at_a_turn(f, g)):
                         self._put(cast(Expr, substitute(g, {z: root.point})))
 
     def _search(self, f: Expr, curved: Sequence[Expr]) -> None:
@@ -218,7 +233,7 @@ class Projection:
         if not self._apart(f):
             self.out.complete = False
         turning = () if self._apart(f) else _turning(f, z)
-        for g in (*turning, *(h for h in curved if not (coincide(f, h) or self._apart(f, h)))):
+        for g in (*turning, *(h for h in curved if not (coincide(f, h) or self._apart(f, h) or self._met_at_a_turn(f, h)))):
             if (f.free | g.free) - {z}:
                 self.out.meetings[f, g, z, lo, hi] = None
                 self.out.complete = False
@@ -257,19 +272,31 @@ def _turning(f: Expr, z: Var) -> list[Expr]:
 
 
 def _resultant(first: tuple[Expr, Expr, Expr], second: tuple[Expr, Expr, Expr]) -> Expr:
-    """Returns an expression that is 0 where two quadratics have a common root.
+    """Returns an expression that is 0 where two quadratics have a common root: (A₁C₂ - A₂C₁)² - (A₁B₂ - A₂B₁)·(B₁C₂ - B₂C₁).
 
-    (A₁C₂ - A₂C₁)² - (A₁B₂ - A₂B₁)·(B₁C₂ - B₂C₁); if both are linear, the last factor. Where that is the square of a polynomial, as for
-    curves that meet on a side of the box, it is that polynomial: only half of a double root's digits can be found.
+    Where that is the square of a polynomial, as for curves that meet on a side of the box, it is that polynomial: only half of a double
+    root's digits can be found.
     """
     (a1, b1, c1), (a2, b2, c2) = first, second
     linear = sub(mul(b1, c2), mul(b2, c1))
     result = sub(integer_power(sub(mul(a1, c2), mul(a2, c1)), 2), mul(sub(mul(a1, b2), mul(a2, b1)), linear))
     power = perfect_power(result, exact=False)
-    result = result if power is None else power[1]
+    return result if power is None else power[1]
+
+
+def _unless_linear(resultant: Expr, first: tuple[Expr, Expr, Expr], second: tuple[Expr, Expr, Expr]) -> Expr:
+    """Returns the resultant of two quadratics, of which parameters may make linear functions."""
+    (a1, b1, c1), (a2, b2, c2) = first, second
     if a1.free or a2.free or isinstance(a1, Const) or isinstance(a2, Const):
-        return result
-    return where(positive(add(call("magnitude", a1), call("magnitude", a2))), result, linear)
+        return resultant
+    return where(positive(add(call("magnitude", a1), call("magnitude", a2))), resultant, sub(mul(b1, c2), mul(b2, c1)))
+
+
+def _at_the_turn(first: tuple[Expr, Expr, Expr], second: tuple[Expr, Expr, Expr]) -> Expr:
+    """Returns 4A₁² times the second of two quadratics at -B₁/2A₁: where the discriminant of the first one is 0 their resultant is
+    its square, over 16A₁²."""
+    (a1, b1, _), (a2, b2, c2) = first, second
+    return add(mul(a2, integer_power(b1, 2)), mul(const(-2.0), a1, b1, b2), mul(const(4.0), integer_power(a1, 2), c2))
 
 
 def _borders_of_existence(roots: Roots | None, z: Var) -> list[Expr]:

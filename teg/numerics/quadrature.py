@@ -182,6 +182,6 @@ def decay_power(n: int) -> int:
     """Returns the power of the decay, from one pair of coefficients to the next, in the error estimate of n nodes.
 
     An analytic function allows (n + 1)/2. But its slow part may be hidden behind a fast one: two branch points beside the interval, 1e-4 of
-    it apart, show in the last coefficients only. Each power counts on ten to a hundred times what was seen (tests/bench/estimates.py).
+    it apart, show in the last coefficients only, and each power counts on ten to a hundred times what was seen (tests/bench/estimates.py).
     """
-    return 2 if n >= 8 else n // 6
+    return 3 if n >= 16 else 2 if n >= 8 else n // 6

@@ -61,7 +61,8 @@ static void teg_bend(teg_substitution *s, int kind, int when, double base, doubl
     const int linear = fabs(c2) * width * width <= 1e-13 * (fabs(c1) * width + fabs(c0));
     if (!when || !isfinite(c0) || !isfinite(c1) || !isfinite(c2) || !isfinite(length)) return;
     if (linear && fabs(c1) * width <= 1e-13 * fabs(c0)) return;
-    const double square = c1 * c1 - 4.0 * c0 * c2, larger = -0.5 * (c1 + copysign(sqrt(fabs(square)), c1)), end = TEG_AT_END * length;
+    const double square = c1 * c1 - 4.0 * c0 * c2, larger = -0.5 * (c1 + copysign(sqrt(fabs(square)), c1));
+    const double end = TEG_AT_END * length;
     const int paired = !linear && square < 0.0;
     double one = linear ? -c0 / c1 : c0 / larger, other = linear ? one : larger / c2;
     const double to_one = teg_nearness(one, p, q), to_other = teg_nearness(other, p, q);

@@ -187,8 +187,8 @@ static inline void teg_sort(double *t, int n)
 }
 
 //: teg_breaks
-/* The ends of the pieces of (a, b): a is the first number, n breaks stand behind it. Those inside are sorted, and b follows. Returns the number
-   of pieces. The nearest breaks outside are written to `outside`, infinities if there are none. */
+/* The ends of the pieces of (a, b): a is the first number, n breaks stand behind it. Those inside are sorted, and b follows.
+   Returns the number of pieces. The nearest breaks outside are written to `outside`, infinities if there are none. */
 static inline int teg_breaks(double *ends, int n, double b, double *outside)
 {
     const double a = ends[0];
@@ -214,7 +214,8 @@ static inline int teg_neighbours(const double *ends, int pieces, int i, const do
     int before = i - 1, after = i + 1;
     while (before >= 0 && !teg_is_piece(ends[before], ends[before + 1])) before--;
     while (after < pieces && !teg_is_piece(ends[after], ends[after + 1])) after++;
-    const double left = p - (before >= 0 ? ends[before] : outside[0]), right = (after < pieces ? ends[after + 1] : outside[1]) - q;
+    const double left = p - (before >= 0 ? ends[before] : outside[0]);
+    const double right = (after < pieces ? ends[after + 1] : outside[1]) - q;
     const double least = TEG_AT_END * length, most = TEG_NEIGHBOUR * length;
     return !isfinite(length) ? 0 : (left > least && left < most) + 2 * (right > least && right < most);
 }
