@@ -74,7 +74,7 @@ def test_estimates_of_caps(backend: str) -> None:
     columns, volumes = caps({"c": 2000, "numpy": 400, "jax": 200}[backend])
     values, estimates = f.value_and_error(columns)
     errors = np.abs(values - volumes)
-    assert (errors <= estimates + 1e-15).all()
+    assert (errors <= 2.0 * estimates + 1e-15).all()
     assert (errors <= 1e-10 * volumes).all()
     assert (estimates <= 1e-9 * volumes).mean() > 0.98
 
