@@ -219,7 +219,8 @@ def _assessed(rule: Adaptive, tested: int, watched: int, whole: str, ends: bool)
     first, power = (f"(way.kind == TEG_POWER ? 0 : {n})" if ends else str(n) for n in map(decay_power, (rule.first, rule.order)))
     if watched:
         table = [f"const int nodes = {rule.order};", f"const teg_node *const table = teg_nodes_{rule.order};"]
-        return table, f"(changed ? fine : teg_assess({tested}, measured, {whole}, {literal(rule.tol)}, {power}))"
+        small = f"teg_assess({tested}, measured, {whole}, {literal(rule.tol)}, {power})"  # writes the errors, of any interval that is taken
+        return table, f"(changed && !fine && !last ? 0 : ({small} & !changed) | (changed & fine))"
     table = [
         f"const int nodes = used == 1 ? {rule.first} : {rule.order};",
         f"const teg_node *const table = used == 1 ? teg_nodes_{rule.first} : teg_nodes_{rule.order};",
