@@ -263,9 +263,7 @@ def test_intervals_in_which_a_watched_sign_changes_have_an_estimate_when_there_i
     """∫ [sin(p0·x) > 0] exp(x) over (0, 1): the sum of the last intervals, which are long, errs by no more than they say."""
     body = (let("v2", "mul", "p0", "x1"), let("v3", "sin", "v2"), let("b0", "gt0", "v3"), let("v1", "exp", "x1"))
     body += (let("v4", "select", "b0", "v1", 0.0),)
-    whole = program(
-        1, (integrate("v9", "x1", 0.0, 1.0, body, "v4", rule=Adaptive(1e-9), watch=("b0",), estimates="v8"),), "v9", "v8"
-    )
+    whole = program(1, (integrate("v9", "x1", 0.0, 1.0, body, "v4", rule=Adaptive(1e-9), watch=("b0",), estimates="v8"),), "v9", "v8")
     starts = np.arange(0.0, p / (2 * np.pi)) * (2 * np.pi / p)
     exact = math.fsum(np.exp(np.minimum(starts + np.pi / p, 1.0)) - np.exp(starts))
     for kernel in (compile_numpy(whole), compile_c(whole), compile_jax(whole)):
