@@ -22,7 +22,7 @@ def along_a_branch(stmt: Hyperbola) -> tuple[Powers, ...]:
     wanted: set[Powers] = set()
     for m in stmt.moments:
         for j, k, _ in m.terms:
-            wanted |= {(j, k)} if m.kind == "border" else {(j + 1, k), (j + 1, k + 1)}
+            wanted |= {(j, k)} if m.kind == "border" else {(j, k), (j, k + 1)}
     return tuple(sorted(wanted))
 
 
@@ -70,10 +70,11 @@ def hyperbola(stmt: Hyperbola, frame: Frame) -> list[str]:
     ]
     for k in sorted({k for _, k in inside}):
         cut, one = _power("curve.cut", k + 1), repr(1.0 / (k + 1))
-        side = f"above & 2 ? (above & 4 ? 1.0 : {cut}) : above & 4 ? 1.0 - {cut} : 0.0"
+        rest = " * ".join(["curve.beyond", *([f"({' + '.join(_power('curve.cut', i) for i in range(k + 1))})"] if k else [])])
+        side = f"above & 2 ? (above & 4 ? 1.0 : {cut}) : above & 4 ? {rest} : 0.0"
         lines.append(f"const double side_{k} = {'' if k == 0 else one + ' * '}({side});")
     for j, k in inside:
-        value = f"side_{k} - curve.b * m_{j + 1}{k} - curve.d * m_{j + 1}{k + 1}"
+        value = f"side_{k} + curve.a * m_{j}{k} + curve.c * m_{j}{k + 1}"
         lines.append(f"const double n_{j}{k} = {value if j == 0 else f'{1.0 / (j + 1)!r} * ({value})'};")
     for j, k in sorted({(j, k) for m in stmt.moments if m.kind == "below" for j, k, _ in m.terms}):
         lines.append(f"const double rest_{j}{k} = {1.0 / ((j + 1) * (k + 1))!r} - n_{j}{k};")
@@ -143,6 +144,7 @@ def along_function(moments: Sequence[Powers]) -> str:
     below = {(a, b) for j, k in moments for a in range(j + 1) for b in range(k + 1)}
     top = highest(frozenset(moments))
     table = series(top)
+    middle = "".join(f", {v} = s->{v}" for i, v in enumerate("xy") if any(m[i] for m in moments))
     far = ["double r = 1.0 / square;", "g[0] = 0.5 * teg_turn(s->low, s->high) * sqrt(r);"]
     far += [f"g[{q + 1}] = (g[{q}] - {1.0 / (2 * q + 1)!r}) * r;" for q in range(top)]
     rows = [table.coefficients[i::CHAINS] for i in range(CHAINS)]
@@ -159,7 +161,7 @@ def along_function(moments: Sequence[Powers]) -> str:
         f"static inline void {function_name(moments)}(const teg_branch *s, double *sum)",
         "{",
         *indent(
-            f"const double z = s->z, square = z * z, x = s->x, y = s->y; double g[{top + 1}];",
+            f"const double z = s->z, square = z * z{middle}; double g[{top + 1}];",
             f"if (square < {table.border!r}) {{",
             *indent(*near),
             "} else {",

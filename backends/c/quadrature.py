@@ -228,7 +228,8 @@ def _assessed(rule: Adaptive, sums: Sums, whole: str, places: Places) -> tuple[l
     good = f"teg_assess({sums.tested}, measured, {whole}, {literal(rule.tol)}, {'power' if rough else powers})"
     if sums.watched:
         table = [f"const int nodes = {rule.order};", f"const teg_node *const table = teg_nodes_{rule.order};"]
-        return [*table, *choice], f"(changed ? fine : {good})"
+        # it writes the errors of any interval that is taken
+        return [*table, *choice], f"(changed && !fine && !last ? 0 : ({good} & !changed) | (changed & fine))"
     table = [
         f"const int nodes = used == 1 ? {rule.first} : {rule.order};",
         f"const teg_node *const table = used == 1 ? teg_nodes_{rule.first} : teg_nodes_{rule.order};",

@@ -90,7 +90,7 @@ class Moments:
         self.b, self.c, self.d = f[1] - f[0], f[3] - f[0], (f[0] - f[1]) + (f[2] - f[3])
         # minus the product of both slopes on the curve
         self.turn = xp.where(xp.isnan(turn), _difference_of_products(f[0], f[2], f[1], f[3], zero), turn / unit / unit)
-        self.wanted = border | {p for j, k in inside for p in ((j + 1, k), (j + 1, k + 1))}
+        self.wanted = border | {p for j, k in inside for p in ((j, k), (j, k + 1))}
         cuts = [above[i] ^ above[(i + 1) % 4] for i in range(4)]
         along = [xp.where(cut, slope, 1.0) for cut, slope in zip(cuts, (self.b, f[2] - f[1], f[2] - f[3], self.c), strict=True)]
         at = [f[i] / (-along[i] if i < 2 else along[i]) for i in range(4)]
@@ -109,9 +109,10 @@ class Moments:
         self.border = {p: self.sums[p] / unit for p in border}
         self.inside = {}
         for j, k in inside:
-            side = xp.where(above[1], xp.where(above[2], 1.0, at[1] ** (k + 1)), xp.where(above[2], 1.0 - at[1] ** (k + 1), 0.0)) / (k + 1)
-            bulge = (self.b * self.sums[j + 1, k] + zero) + (self.d * self.sums[j + 1, k + 1] + zero)
-            self.inside[j, k] = xp.where(above[0] & above[1] & above[2] & above[3], 1.0 / (k + 1), side - bulge) / (j + 1)
+            beyond = f[2] / along[1] * sum(at[1] ** i for i in range(k + 1))  # 1 - at^(k + 1)
+            side = xp.where(above[1], xp.where(above[2], 1.0, at[1] ** (k + 1)), xp.where(above[2], beyond, 0.0)) / (k + 1)
+            bulge = (f[0] * self.sums[j, k] + zero) + (self.c * self.sums[j, k + 1] + zero)  # on the curve u·∂g/∂u is -(a + c·v)
+            self.inside[j, k] = xp.where(above[0] & above[1] & above[2] & above[3], 1.0 / (k + 1), side + bulge) / (j + 1)
         self._find_saddle(f)
 
     def _branches(self, cuts: Sequence[Any]) -> list[tuple[list[Any], list[Any]]]:

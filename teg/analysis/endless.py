@@ -13,7 +13,8 @@ An exponential that may rise, cosh u, and steeper powers have no such bound.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from itertools import count
 from typing import cast
 
 from teg.analysis.calculus import slope
@@ -28,6 +29,8 @@ GENTLE = 64.0
 """The largest power that hides no narrow peak far away: exponentials beside it, of known scale, have their nodes there."""
 MAX_SLOPES = 3
 """The largest number of times that a slope of a slope is enclosed: enough for polynomials of that degree more than linear."""
+MOST_SLOPES = 16
+"""The largest number of sums in one value whose slopes are enclosed. Slopes of slopes hold many sums, and bounds with many are too long."""
 MAX_NODES = 1000
 """The largest number of nodes of a bound. A longer one is not computed."""
 _INFINITY = const(math.inf)
@@ -59,18 +62,23 @@ def bound_to_infinity(value: Expr, lower: Expr, x: Var, box: Mapping[Var, Interv
 
 
 class _FarEnclosure(Enclosure):
-    """The enclosure over a box that is infinite at one end, with bounds of sums from their slopes."""
+    """The enclosure over a box that is infinite at one end, with bounds of sums from their slopes; `number` counts these."""
 
-    def __init__(self, box: Mapping[Var, Interval], x: Var, endless_right: Cond, depth: int = 0) -> None:
+    def __init__(
+        self, box: Mapping[Var, Interval], x: Var, endless_right: Cond, depth: int = 0, number: Iterator[int] | None = None
+    ) -> None:
         super().__init__(box)
         self.x, self.endless_right, self.depth, self.refined = x, endless_right, depth, False
+        self.number = count() if number is None else number
 
     def _interval(self, e: Expr) -> Interval:
         natural = super()._interval(e)
         if self.depth >= MAX_SLOPES or not isinstance(e, Add) or sum(self.x in term.free for term in e.children) < 2:
             return natural
+        if next(self.number) >= MOST_SLOPES:
+            return natural
         try:
-            slowest, fastest = _FarEnclosure(self.box, self.x, self.endless_right, self.depth + 1).of(slope(e, self.x))
+            slowest, fastest = _FarEnclosure(self.box, self.x, self.endless_right, self.depth + 1, self.number).of(slope(e, self.x))
         except NotDifferentiableError:
             return natural
         self.refined = True

@@ -18,6 +18,7 @@ from typing import cast
 from teg.errors import NotDifferentiableError
 from teg.ir.expr import MINUS_ONE, ONE, TRUE, ZERO, Add, And, Call, Compare, Cond, Const, Expr, Mul, Not, Or, Pow, Var, Where, const
 from teg.ir.function import Apply
+from teg.ir.integral import ClosedForm
 from teg.ir.node import Node, postorder_through
 from teg.ir.simplify import add, call, conjunction, disjunction, div, integer_power, mul, negation, positive, sub, where
 
@@ -80,7 +81,7 @@ class Enclosure:
                 return result
             case Pow():
                 return _power(parts[0], e.exponent)
-            case Apply():
+            case Apply() | ClosedForm():
                 raise NotDifferentiableError("the values of a function over an interval are not known", e)
             case Call():
                 return _function(e.name, parts)

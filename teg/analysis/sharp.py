@@ -30,7 +30,7 @@ from teg.analysis.polynomial import Degrees
 from teg.errors import NotDifferentiableError
 from teg.ir.expr import MINUS_ONE, ONE, ZERO, Call, Compare, Cond, Const, Expr, Param, Pow, Var, const
 from teg.ir.function import Apply
-from teg.ir.integral import Integral, PointMasses
+from teg.ir.integral import ClosedForm, Integral, PointMasses
 from teg.ir.node import Node, postorder
 from teg.ir.simplify import add, call, div, integer_power, mul, positive, sub, where
 from teg.ir.traverse import fresh, rewrite_below, substitute
@@ -256,7 +256,7 @@ def _without_integrals(
     def replacement(node: Node) -> Node | None:
         if node.free.isdisjoint(variables):
             return node
-        if not isinstance(node, Integral | Apply | PointMasses):
+        if not isinstance(node, Integral | Apply | PointMasses | ClosedForm):
             return None
         name = fresh("∫", larger)
         larger[name] = bounds_of(node, box)

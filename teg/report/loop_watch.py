@@ -14,7 +14,7 @@ from teg.ir.node import Node, postorder
 from teg.ir.show import show
 from teg.ir.simplify import add, bracket, positive
 from teg.program import Isolate, statements
-from teg.program.arrays import ArrayProgram, Integers, Run, steps
+from teg.program.arrays import ArrayProgram, Cells, Integers, Run, steps
 from teg.report.diagnose import BORDER, CHANGE, NOTHING, STEP, STEP_OVER_TIES, Diagnosis, Element, Look
 from teg.report.parameter_steps import only_in_steps
 
@@ -29,6 +29,12 @@ if TYPE_CHECKING:
 
 DIRECTIONS = 2
 """The number of directions along which the gradient of a program with arrays is compared; all entries of all parameters move at once."""
+STEP_OVER_CELLS = 2.0**-36
+"""The step in programs with cells of choices, where keys closer than `teg.numerics.cells.EPSILON` are equal."""
+LONGER = 16
+"""The factor of a longer step. It tells a jump, whose change stays the same, from a slope, whose change grows with the step."""
+LONGEST = 3.0
+"""The largest step of an entry, in parts of the least one: steps differ, since equal entries that move together stay equal."""
 MOST = 100
 """The largest number of diagnoses of one kind in one element of a batch."""
 
@@ -46,13 +52,15 @@ class LoopWatch:
         self.watch, self.borders = TieWatch(program), TieWatch(probes)
         flat = (s for step in steps(program.body) if isinstance(step, Run) for s in statements(step.program.body))
         self.searched = any(isinstance(s, Isolate) for s in flat)
+        self.has_cells = any(isinstance(s, Cells) for s in steps(program.body))
 
     def look(self, at: Element) -> Look:
         """Returns the results, and the ties of every iteration."""
         results, met = self.watch.ties(at.columns, at.arrays, 1)
         _, on_border = self.borders.ties(at.columns, at.arrays, 1)
         ties = [*_ties(met, at, _tie), *_ties(on_border, at, _border)]
-        return Look(results.values, ties, STEP_OVER_TIES if self.watch.noted or self.searched else STEP)
+        step = STEP_OVER_TIES if self.watch.noted or self.searched else STEP
+        return Look(results.values, ties, STEP_OVER_CELLS if self.has_cells else step)
 
     def of_results(self, look: Look, at: Element) -> list[Diagnosis]:
         """Returns diagnoses of infinite derivatives, and of values and derivatives that are NaN."""
@@ -86,21 +94,24 @@ class LoopWatch:
                 v = v.reshape(shape)
                 if name not in names:
                     return v
-                step = relative * np.where(v == 0.0, 1.0, np.abs(v)) * random.choice([-1.0, 1.0], shape)
-                return np.stack([v - step, v + step])
+                sizes = random.choice([-1.0, 1.0], shape) * random.uniform(1.0, LONGEST, shape)
+                step = relative * np.where(v == 0.0, 1.0, np.abs(v)) * sizes
+                return np.stack([v - step, v + step, v - LONGER * step, v + LONGER * step])
 
             columns = [moved(name, c, ()) for name, c in zip(program.parameters, at.columns, strict=True)]
             arrays = [moved(s.name, a, a.shape[a.ndim - s.dimensions :]) for s, a in zip(program.arrays, at.arrays, strict=True)]
-            results = self.watch.results(columns, arrays, 2).values
+            results = self.watch.results(columns, arrays, 4).values
             flat = [
                 (name, slopes, now[0])
                 for (name, slopes), (_, now) in zip(_slopes(self.wrt, results), _slopes(self.wrt, look.results), strict=True)
             ]
             largest = max((float(np.abs(now).max(initial=0.0)) for *_, now in flat), default=0.0)
-            for name, (before, after), now in flat:
+            for name, (before, after, earlier, later), now in flat:
                 scale = np.maximum(np.maximum(np.abs(before), np.abs(after)), largest * 1e-3 + NOTHING)
-                change = np.maximum(np.abs(after - before), np.abs(now - 0.5 * (before + after))) / scale
-                change = np.where(np.isfinite(change), change, 0.0)
+                change = np.maximum(np.abs(after - before), np.abs(now - 0.5 * (before + after)))
+                longer = np.maximum(np.abs(later - earlier), np.abs(now - 0.5 * (earlier + later)))
+                at_once = np.isfinite(change) & ~(longer > 0.5 * LONGER * change)
+                change = np.where(at_once, change, 0.0) / scale
                 if change.size and change.max() > CHANGE:
                     place = tuple(int(n) for n in np.unravel_index(int(np.argmax(change)), change.shape))
                     message = (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shutil
 from collections.abc import Sequence
 from dataclasses import replace
@@ -253,6 +254,23 @@ def test_a_piece_takes_at_most_so_many_intervals() -> None:
         if missed:
             assert found[1].evaluations < (MAX_INTERVALS + MAX_DEPTH) * (18 + 20)
             assert found[0].evaluations < 2 * MAX_INTERVALS * (18 + 20)
+
+
+@needs_c
+@pytest.mark.usefixtures("x64")
+@pytest.mark.parametrize("p", [9e3, 4e4])
+def test_intervals_in_which_a_watched_sign_changes_have_an_estimate_when_there_is_no_more_room(p: float) -> None:
+    """∫ [sin(p0·x) > 0] exp(x) over (0, 1): the sum of the last intervals, which are long, errs by no more than they say."""
+    body = (let("v2", "mul", "p0", "x1"), let("v3", "sin", "v2"), let("b0", "gt0", "v3"), let("v1", "exp", "x1"))
+    body += (let("v4", "select", "b0", "v1", 0.0),)
+    whole = program(1, (integrate("v9", "x1", 0.0, 1.0, body, "v4", rule=Adaptive(1e-9), watch=("b0",), estimates="v8"),), "v9", "v8")
+    starts = np.arange(0.0, p / (2 * np.pi)) * (2 * np.pi / p)
+    exact = math.fsum(np.exp(np.minimum(starts + np.pi / p, 1.0)) - np.exp(starts))
+    for kernel in (compile_numpy(whole), compile_c(whole), compile_jax(whole)):
+        found = kernel.outcome([np.array([p])], 1)
+        assert found.missed
+        value, estimate = found.values[:, 0]
+        assert abs(value - exact) <= estimate
 
 
 def test_one_element_that_misses_is_told_of_its_batch() -> None:

@@ -8,6 +8,9 @@ import warnings
 import pytest
 
 import teg
+from teg.analysis import endless
+from teg.analysis.calculus import slope
+from teg.ir.expr import const
 
 x, y = teg.vars("x y")
 t, k = teg.params("t k")
@@ -78,3 +81,20 @@ def test_a_pole_that_the_nodes_cannot_resolve_is_said(steepness: float, backend:
 def test_ordinary_densities_are_exact_without_a_warning(integrand: teg.Expr, exact: float, backend: str) -> None:
     f = teg.compile(teg.integral(integrand * teg.bracket(x < t), (x, 0, math.inf)), [t], backend=backend)
     assert f(t=60.0) == pytest.approx(exact, rel=1e-12)
+
+
+@pytest.mark.parametrize("length", [2, 4, 6])
+def test_the_bound_of_a_long_value_is_soon_given_up(length: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Slopes of slopes of slopes hold thousands of sums, each of which had its slope enclosed: it took minutes for a program."""
+    taken = []
+
+    def counted(e: teg.Expr, v: teg.Var) -> teg.Expr:
+        taken.append(e)
+        return slope(e, v)
+
+    monkeypatch.setattr(endless, "slope", counted)
+    value = 1 + x * x
+    for n in range(2, 2 + length):
+        value = teg.sqrt(value * (x * x + n) + teg.abs(value) / (n + x))
+    endless.bound_to_infinity(1 / value, const(0.0), x, {x: teg.vars("left right")})
+    assert 0 < len(taken) <= endless.MOST_SLOPES

@@ -445,3 +445,37 @@ def test_a_band_between_level_sets_of_one_function(backend: str) -> None:
         assert second["t", "a"] == second["a", "t"] == 0.0
         if u is x * y:
             assert [second["t", "t"], second["a", "a"]] == pytest.approx([-1 / 0.5, 1 / 0.3], rel=1e-12)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize(
+    ("condition", "density", "at", "slopes"),
+    [
+        # a slice at z is a disk of area π·(t² - z²)
+        (x * x + y * y + z * z < t * t, teg.exp(a * z), {"t": 0.6, "a": 1.5}, {"t": 4 * math.pi * 0.6 * math.sinh(0.9) / 1.5}),
+        (x * x + y * y + z * z < t * t, teg.exp(a * z), {"t": 0.6, "a": 40.0}, {"t": 4 * math.pi * 0.6 * math.sinh(24.0) / 40.0}),
+        # one of area π·t·(1.5 + z), and ∫ (1.5 + z)·tanh(a·z) dz over (-1, 1)
+        (
+            x * x + y * y < t * (1.5 + z),
+            teg.tanh(a * z),
+            {"t": 0.3, "a": 20.0},
+            {"t": math.pi * (1.0 - math.pi**2 / (12 * 400.0))},
+        ),
+        # one of area 4·t²·z·(1 - log(t²·z)) under a hyperbola in each quarter, z in (0.5, 1)
+        (
+            teg.abs(x * y) < t * t * z,
+            teg.exp(a * z) * B(z > 0.5),
+            {"t": 0.6, "a": 1.5},
+            {"t": float(mpmath.quad(lambda v: -8 * 0.6 * v * mpmath.log(0.36 * v) * mpmath.exp(1.5 * v), [0.5, 1]))},
+        ),
+    ],
+    ids=["ball", "ball, narrow", "cone", "hyperbola"],
+)
+def test_slices_with_closed_forms_and_a_density_that_may_be_sharp(
+    condition: teg.Cond, density: teg.Expr, at: dict[str, float], slopes: dict[str, float], backend: str
+) -> None:
+    """The guard of the outer integral met a closed form, of which no enclosure is known: an AssertionError."""
+    f = teg.compile(INT(B(condition) * density, (x, -1, 1), (y, -1, 1), (z, -1, 1)), [t, a], backend=backend)
+    found = f.grad(at)
+    for name, slope in slopes.items():
+        assert found[name] == pytest.approx(slope, rel=1e-9)

@@ -237,6 +237,37 @@ def test_a_one_sided_derivative() -> None:
     assert "the derivative by W[1] goes from" in found.message
 
 
+def _below(points: teg.Expr) -> teg.Expr:
+    return teg.integral(teg.bracket(points), (x, 0, 1))
+
+
+@pytest.mark.parametrize(
+    ("e", "places"),
+    [
+        (_below(teg.all(x < W[k], (k, 0, teg.length(W)))), [0.5, 0.5, 0.75]),
+        (_below(teg.any(x < W[k], (k, 0, teg.length(W)))), [0.25, 0.5, 0.5, 0.25]),
+        (teg.integral(teg.nearest(W[k], (x - W[k]) ** 2, (k, 0, teg.length(W))), (x, 0, 1)), [0.25, 0.75, 0.75]),
+        (teg.minimum_of(W[k], (k, 0, teg.length(W))), [0.5, 0.5, 0.75]),
+    ],
+    ids=["all", "any", "nearest", "minimum_of"],
+)
+def test_equal_candidates_have_one_sided_derivatives(e: teg.Expr, places: list[float]) -> None:
+    """Each of them alone moves the value to one side only."""
+    f = teg.compile(e, [W])
+    (found,) = f.diagnose(W=places)
+    assert found.kind == "one-sided"
+    apart = [v + 2.0**-10 * i for i, v in enumerate(places)]
+    assert f.diagnose(W=apart) == []
+
+
+def test_a_gradient_that_is_0_is_no_jump() -> None:
+    """Sites in the middles of their cells: the least step changes the gradient, by as much as a smooth function's changes."""
+    y, sites = teg.var("y"), teg.array("sites", 2)
+    distance = (x - sites[k, 0]) ** 2 + (y - sites[k, 1]) ** 2
+    f = teg.compile(teg.integral(teg.minimum_of(distance, (k, 0, teg.length(sites))), (x, 0, 1), (y, 0, 1)), [sites])
+    assert f.diagnose(sites=[[0.25, 0.25], [0.25, 0.75], [0.75, 0.25], [0.75, 0.75]]) == []
+
+
 def test_a_count_does_not_move() -> None:
     f = teg.compile(teg.sum(W[k] ** 2, (k, 0, n)) / n, [W, n])
     assert f.diagnose(W=[2.0, 0.5, 0.25], n=3) == []

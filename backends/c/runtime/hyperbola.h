@@ -72,10 +72,10 @@ typedef struct {
 } teg_branch;
 
 //: teg_curve
-/* The curve g = 0: slopes b + d*v and c + d*u, where it crosses the side from (1, 0) to (1, 1), its branches, and whether it
-   crosses itself in the square, at (u, v). */
+/* The curve g = a + b*u + c*v + d*u*v = 0, where it crosses the side from (1, 0) to (1, 1) and what of that side is beyond, its
+   branches, and whether it crosses itself in the square, at (u, v). */
 typedef struct {
-    double b, c, d, cut, u, v;
+    double a, b, c, d, cut, beyond, u, v;
     int count, crosses;
     teg_branch branches[2];
 } teg_curve;
@@ -128,10 +128,12 @@ static inline void teg_trace(teg_curve *curve, double f0, double f1, double f2, 
         at[i] = g[i] / (i < 2 ? -along[i] : along[i]);
         other[i] = -turn / along[i];
     }
+    curve->a = g[0];
     curve->b = along[0];
     curve->c = along[3];
     curve->d = (g[0] - g[1]) + (g[2] - g[3]);
     curve->cut = at[1];
+    curve->beyond = g[2] / along[1];
     curve->crosses = 0;
     curve->count = above == 5 || above == 10 ? 2 : 1;
     if (curve->count == 1) {
@@ -150,6 +152,7 @@ static inline void teg_trace(teg_curve *curve, double f0, double f1, double f2, 
         curve->crosses = inside && fabs(turn) <= TEG_SADDLE * size * fabs(curve->d);
     }
     if (!fits) {
+        curve->a *= most;
         curve->b *= most;
         curve->c *= most;
         curve->d *= most;

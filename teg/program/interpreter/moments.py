@@ -76,16 +76,17 @@ class _Curve:
         self.unit = 1.0 if SMALLEST <= largest <= 1.0 / SMALLEST else largest
         f = [v / self.unit for v in f]
         self.above = above
-        self.b, self.c, self.d = f[1] - f[0], f[3] - f[0], (f[0] - f[1]) + (f[2] - f[3])
+        self.a, self.b, self.c, self.d = f[0], f[1] - f[0], f[3] - f[0], (f[0] - f[1]) + (f[2] - f[3])
         # minus the product of both slopes, the same all along the curve
         turn = difference_of_products(f[0], f[2], f[1], f[3]) if turn != turn else turn / self.unit / self.unit
         along = [self.b, f[2] - f[1], f[2] - f[3], self.c]
         self.cut = [divide(f[i], -along[i] if i < 2 else along[i]) for i in range(4)]
+        self.beyond = divide(f[2], along[1])  # what is left of the side u = 1 behind its cut
         sides = [i for i in range(4) if above[i] != above[(i + 1) % 4]]
         pairs = [(sides[0], sides[1])]
         if len(sides) == 4:  # corners 1 and 3 are cut off, or 0 and 2
             pairs = [(0, 1), (2, 3)] if turn > 0.0 else [(3, 0), (1, 2)]
-        wanted = {(j + a, k + b) for j, k in powers for a, b in ((0, 0), (1, 0), (1, 1))}
+        wanted = {(j + a, k + b) for j, k in powers for a, b in ((0, 0), (0, 1))}
         top = highest(frozenset(wanted))
         ends = {i: (*self._place(i), *self._slopes(i, along[i], turn)) for i in sides}
         self.branches = [_Branch(ends[i], ends[j], self.d, top) for i, j in pairs]
@@ -110,11 +111,15 @@ class _Curve:
         return sum(branch.moment(j, k) for branch in self.branches) / self.unit
 
     def inside(self, j: int, k: int) -> float:
-        """Returns ∫∫ [g > 0] uʲvᵏ, by parts in u: the side u = 1, and the curve."""
+        """Returns ∫∫ [g > 0] uʲvᵏ, by parts in u: the side u = 1, and the curve.
+
+        On the curve u·∂g/∂u is -(a + c·v), which has digits where the curve is close to u = 0 and to v = 0.
+        """
         one, two, at = self.above[1], self.above[2], self.cut[1]
-        side = 1.0 if one and two else at ** (k + 1) if one else 1.0 - at ** (k + 1) if two else 0.0
-        curve = sum(self.b * s.moment(j + 1, k) + self.d * s.moment(j + 1, k + 1) for s in self.branches)
-        return (side / (k + 1) - curve) / (j + 1)
+        rest = self.beyond * sum(at**i for i in range(k + 1))  # 1 - at^(k + 1)
+        side = 1.0 if one and two else at ** (k + 1) if one else rest if two else 0.0
+        curve = sum(self.a * s.moment(j, k) + self.c * s.moment(j, k + 1) for s in self.branches)
+        return (side / (k + 1) + curve) / (j + 1)
 
 
 class _Branch:
