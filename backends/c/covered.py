@@ -82,10 +82,12 @@ def _differing(found: Crossed, varying: Container[int]) -> set[Arg]:
 
 
 class CoveredRuns(NamedTuple):
-    """The iterations of rows: `iteration` is their index, counted from `lo`; `row` is the index of rows, None if there is one row. `outer`
-    and `inner` are the lines of C of what is read in a row and in an iteration, `inputs` the names of what the straight line reads;
-    `inside` has the names that differ between iterations, `given` what the lines read beside arrays, each declared. `arrays` says of each array that
-    is read its C type, how many axes it has, and how long the last one must be to have a text of its own, if it may."""
+    """The iterations of rows: `iteration` is their index, counted from `lo`; `row` is the index of rows, None if there is one row.
+
+    `outer` and `inner` are the lines of C of what is read in a row and in an iteration, `inputs` the names of what the straight line
+    reads; `inside` has the names that differ between iterations, `given` what the lines read beside arrays, each declared. `arrays` says
+    of each array that is read its C type, how many axes it has, and how long the last one must be to have a text of its own, if it may.
+    """
 
     iteration: str
     lo: str
