@@ -13,6 +13,7 @@ from functools import partial
 from itertools import count
 from typing import NamedTuple
 
+from teg.backends.c.contracted import contracted, decisive
 from teg.backends.c.crossed import BRANCHLESS, SIDE, TOGETHER, Crossed, Item, Nodes, defines, reads
 from teg.backends.c.frame import Frame, Scope, Spelling, Step, assignments
 from teg.backends.c.lane_functions import SELECTIONS, values_in_lanes
@@ -134,6 +135,7 @@ class _Stages:
                 self.lanes.update(defines(item))
         self.constant = [i for i in found.items if isinstance(i, Assign) and i.name not in self.lanes]
         self.moving = self._read_by(self.without(self.constant))
+        self.exact = decisive(found.items)
         self._arrays = count()
         self._count = [0]
 
@@ -167,7 +169,7 @@ class _Stages:
     def _frame(self, block: Sequence[Assign], wanted: Collection[Arg]) -> tuple[Frame, list[str]]:
         """Returns a block in which names of earlier stages are spelled as arrays, and those of its values that are wanted."""
         given = [s.name for s in block if s.name in wanted]
-        block = _late(block, given)
+        block = _late(contracted(block, given, self.exact), given)
         return self._framed(_steps(block), given, self.places), given
 
     def _framed(self, steps: list[Step], own: Sequence[Arg], places: dict[str, str], lanes: Collection[Arg] = ()) -> Frame:
@@ -180,6 +182,7 @@ class _Stages:
         outputs = [o for o in dict.fromkeys((*self.found.outputs, self.found.good)) if isinstance(o, str)]
         names = {s.name for s in block}
         own = [o for o in outputs if o in self.places or o in names]
+        block = block if lanes else contracted(block, own, self.exact)
         frame = self._framed(_steps(_late(block, [o for o in own if o in names])), own, self.places, lanes)
         text = frame.block(0)
         return frame.scope(), text
@@ -217,6 +220,7 @@ class _Stages:
             yield "};"
         yield f"double sum_{number}[{len(item.sums)}][{SIDE}] = {{{{0.0}}}};"
         body: list[Assign] = []
+        exact = set(self.exact)
         sums: dict[Arg, list[Arg]] = {v: [] for v in item.values}
         known = dict(self.places)
         for n in range(together):
@@ -224,6 +228,7 @@ class _Stages:
             known |= {own[x]: f"node_{number}[i + {n}][{c}]" for c, x in enumerate(item.places)}
             weight = f"v{number}w{n}"
             known[weight] = f"weight_{number}[i + {n}][k]" if in_array else f"node_{number}[i + {n}][{len(item.places)}]"
+            exact.update(own[name] for name in own if name in self.exact)
             for s in item.body:
                 body.append(Assign(own[s.name], s.op, tuple(own.get(a, a) if isinstance(a, str) else a for a in s.args)))
             for j, v in enumerate(item.values):
@@ -234,7 +239,7 @@ class _Stages:
         for j, v in enumerate(item.values):
             body.append(Assign(f"v{number}t{j}", "add", tuple(sums[v])))
             last.append(body[-1].name)
-        frame = self._framed(_steps(body), last, known)
+        frame = self._framed(_steps(contracted(body, last, exact)), last, known)
         inside = frame.block(0)
         scope = frame.scope()
         inside += [f"sum_{number}[{j}][k] += {scope(name)};" for j, name in enumerate(last)]
