@@ -3,7 +3,8 @@
     contracted(block, kept, decisive)  ->  the block, in which a sum of products is a chain of such operations
 
 Conditions compare numbers whose rounding errors are known, some of them with 0 exactly; what they are computed from is left as it is
-(`decisive`). Where a machine has no such operation, `teg_fma` is a product and a sum.
+(`decisive`). So are differences, of which the one of equal products must be 0. Where a machine has no such operation, `teg_fma` is a
+product and a sum.
 """
 
 from __future__ import annotations
@@ -57,10 +58,14 @@ def contracted(block: Sequence[Assign], kept: Container[Arg], exact: Container[A
         alone = s is not None and uses[arg] == 1 and arg not in kept and arg not in exact
         return s if s is not None and alone and s.op == "mul" and len(s.args) > 1 else None
 
+    def is_negated(arg: Arg) -> bool:
+        s = made.get(arg)
+        return s is not None and s.op == "neg"
+
     gone: set[Arg] = set()
     lines: dict[str, list[Assign]] = {}
     for s in block:
-        if s.op not in ("add", "sub") or s.name in exact or len(s.args) < 2:
+        if s.op != "add" or s.name in exact or any(map(is_negated, s.args)):
             continue
         products = [p for arg in s.args if (p := product(arg)) is not None]
         if products and len(products) + any(product(a) is None for a in s.args) > 1:
@@ -70,31 +75,26 @@ def contracted(block: Sequence[Assign], kept: Container[Arg], exact: Container[A
 
 
 def _chain(s: Assign, products: Sequence[Assign]) -> Iterable[Assign]:
-    """Yields the operations of a sum or difference in which products are used once."""
-    names = {p.name: p for p in products}
-    signs: list[tuple[Arg, bool]] = [(arg, s.op == "sub" and place > 0) for place, arg in enumerate(s.args)]
-    plain = [(arg, minus) for arg, minus in signs if arg not in names]
-    factors = [(names[str(arg)], minus) for arg, minus in signs if arg in names]
+    """Yields the operations of a sum of these products and other terms."""
+    names: dict[Arg, Assign] = {p.name: p for p in products}
+    plain = [arg for arg in s.args if arg not in names]
+    factors = [names[arg] for arg in s.args if arg in names]
     made: list[Assign] = []
 
     def put(op: str, *args: Arg) -> Arg:
         made.append(Assign(f"{s.name}s{len(made)}", op, args))
         return made[-1].name
 
-    def both(p: Assign, minus: bool) -> tuple[Arg, Arg]:
-        first = p.args[0] if len(p.args) == 2 else put("mul", *p.args[:-1])
-        return (put("neg", first) if minus else first), p.args[-1]
+    def pair(p: Assign) -> tuple[Arg, Arg]:
+        return (p.args[0] if len(p.args) == 2 else put("mul", *p.args[:-1])), p.args[-1]
 
     if plain:
-        total: Arg = plain[0][0] if not plain[0][1] else put("neg", plain[0][0])
-        for arg, minus in plain[1:]:
-            total = put("sub" if minus else "add", total, arg)
+        total = plain[0] if len(plain) == 1 else put("add", *plain)
     else:
-        (first, minus), *factors = factors
-        total = put("mul", *both(first, minus))
-    for p, minus in factors:
-        total = put("fma", *both(p, minus), total)
+        first, *factors = factors
+        total = put("mul", *first.args)
+    for p in factors:
+        total = put("fma", *pair(p), total)
     *before, last = made
-    assert total == last.name
     yield from before
     yield Assign(s.name, last.op, last.args)

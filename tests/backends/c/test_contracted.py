@@ -80,8 +80,17 @@ def test_sums_of_products() -> None:
     assert [s.op for s in contracted([*products, total], {"v3", "v1"}, set())] == ["mul", "add", "fma", "fma"]
     assert contracted([*products, total], {"v3"}, {"v3"}) == [*products, total]
     assert contracted([*products, total], {"v3"}, {"v0", "v1", "v2"}) == [*products, total]
-    less = [products[0], Assign("v3", "sub", ("p1", "v0"))]
-    assert [s.op for s in contracted(less, {"v3"}, set())] == ["neg", "fma"]
+
+
+def test_differences_are_left_alone() -> None:
+    """That of equal products is 0, which one rounding less would not give."""
+    products = [Assign(f"v{n}", "mul", (f"p{n}", "p0")) for n in range(2)]
+    for block in (
+        [*products, Assign("v3", "sub", ("v0", "v1"))],
+        [*products, Assign("v2", "neg", ("v1",)), Assign("v3", "add", ("v0", "v2"))],
+        [products[0], Assign("v2", "neg", ("p1",)), Assign("v3", "add", ("v0", "v2"))],
+    ):
+        assert contracted(block, {"v3"}, set()) == block
 
 
 def test_what_conditions_read() -> None:
