@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Callable, Mapping, Sequence
+from typing import cast
 
 import numpy as np
 import numpy.typing as npt
@@ -36,7 +37,7 @@ def check_ranges(
 
     `integers` are the integer parameters by number, of any shape; `arrays` as they are given, `shapes` without leading axes of a batch.
     """
-    if _settled(program, integers, arrays, shapes):
+    if any(_settled(program, integers, arrays, shapes, rough) for rough in (True, False)):
         return
     batched = [a.shape[0] for a, s in zip(arrays, shapes, strict=True) if a.ndim > len(s)]
     for element in range(max([1, *(v.size for v in integers.values()), *batched])):
@@ -52,16 +53,19 @@ def _element(array: npt.NDArray[np.generic], dimensions: int, element: int) -> n
 
 
 def _settled(
-    program: ArrayProgram, integers: Mapping[int, Whole], arrays: Sequence[npt.NDArray[np.generic]], shapes: Sequence[Sequence[int]]
+    program: ArrayProgram,
+    integers: Mapping[int, Whole],
+    arrays: Sequence[npt.NDArray[np.generic]],
+    shapes: Sequence[Sequence[int]],
+    rough: bool,
 ) -> bool:
-    """Returns whether intervals show that everything is in its range."""
+    """Returns whether intervals show that everything is in its range; `rough` ones of long tables may begin at 0."""
     known: dict[Arg, Interval] = {}
 
     def of(arg: Arg) -> Interval:
         return (arg, arg) if isinstance(arg, int) else known[arg]
 
-    spans: dict[tuple[int, Arg], Interval] = {}
-    columns: dict[int, list[Interval]] = {}
+    spans = _Spans(arrays, rough)
     entries_of: dict[Arg, Integers] = {}
     ordered: dict[tuple[Integers | None, Integers | None], bool] = {}
     tables = _tables(program)
@@ -85,15 +89,7 @@ def _settled(
             case Integers(name, "gather", places, k):
                 if not _inside(list(map(of, places)), shapes[k]):
                     return False
-                last = places[-1]
-                key = (k, last if isinstance(last, int) else "")
-                if key not in spans and isinstance(last, int) and _is_long_table(arrays[k]):
-                    if k not in columns:
-                        columns[k] = column_intervals(arrays[k])
-                    spans[key] = columns[k][last]
-                elif key not in spans:
-                    spans[key] = _interval(arrays[k][..., last] if isinstance(last, int) else arrays[k])
-                known[name], entries_of[name] = spans[key], step
+                known[name], entries_of[name] = spans.of(k, places[-1]), step
             case Integers(name, op, (a, b)):
                 found = _combined(op, of(a), of(b))
                 if found is None or not _has_room(found):
@@ -110,6 +106,23 @@ def _settled(
     return True
 
 
+class _Spans:
+    """The intervals of the entries of arrays, each looked up once; `rough` ones of long tables may begin at 0."""
+
+    def __init__(self, arrays: Sequence[npt.NDArray[np.generic]], rough: bool) -> None:
+        self._arrays, self._rough = arrays, rough
+        self._known: dict[tuple[int, Arg], Interval] = {}
+
+    def of(self, k: int, last: Arg) -> Interval:
+        """Returns the interval of the entries of an array with this subscript at the end, or of all of them if it is no number."""
+        array, key = self._arrays[k], (k, last if isinstance(last, int) else "")
+        if key not in self._known and isinstance(last, int) and _is_long_table(array):
+            self._known |= {(k, column): span for column, span in enumerate(column_intervals(array, self._rough))}
+        elif key not in self._known:
+            self._known[key] = _interval(array[..., last] if isinstance(last, int) else array)
+        return self._known[key]
+
+
 def _interval(entries: npt.NDArray[np.generic]) -> Interval:
     """Returns the least and the largest of some integers; 0 if there is none."""
     return (int(entries.min()), int(entries.max())) if entries.size else (0, 0)
@@ -120,15 +133,24 @@ def _is_long_table(array: npt.NDArray[np.generic]) -> bool:
     return array.ndim == 2 and array.flags.c_contiguous and array.shape[1] <= FEW and array.shape[0] >= 8 * TOGETHER
 
 
-def column_intervals(table: npt.NDArray[np.generic]) -> list[Interval]:
+def column_intervals(table: npt.NDArray[np.generic], rough: bool = False) -> list[Interval]:
     """Returns the least and the largest integer of each column of a long table. Many rows are looked at as one: a column alone is read in
-    steps, and the table once for each of them."""
+    steps, and the table once for each of them. `rough`: where no integer is negative, 0 and the largest one, for which the table is
+    read once: negative integers without their signs are larger than all others."""
+    if rough and table.dtype == np.int64:
+        most = [int(b) for b in _of_columns(table.view(np.uint64), np.maximum)]
+        if max(most) <= MOST:
+            return [(0, b) for b in most]
+    return [(int(a), int(b)) for a, b in zip(_of_columns(table, np.minimum), _of_columns(table, np.maximum), strict=True)]
+
+
+def _of_columns(table: npt.NDArray[np.generic], larger: np.ufunc) -> npt.NDArray[np.generic]:
+    """Returns the least or the largest integer of each column of a long table."""
     rows, columns = table.shape
     whole = rows - rows % TOGETHER
     wide, rest = table[:whole].reshape(-1, TOGETHER * columns), table[whole:]
-    least = np.concatenate([wide.min(axis=0).reshape(TOGETHER, columns), rest]).min(axis=0)
-    most = np.concatenate([wide.max(axis=0).reshape(TOGETHER, columns), rest]).max(axis=0)
-    return [(int(a), int(b)) for a, b in zip(least, most, strict=True)]
+    found = larger.reduce(np.concatenate([larger.reduce(wide, axis=0).reshape(TOGETHER, columns), rest]), axis=0)
+    return cast("npt.NDArray[np.generic]", found)
 
 
 def _tables(program: ArrayProgram) -> dict[str, tuple[int, ...]]:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from teg.backends.c.covered import PIECE, CoveredRuns, covered_runs
 from teg.backends.c.lanes import SIDE, decisive_branch
 from teg.backends.c.queues import Queue
 from teg.backends.c.spans import HELD, LINES, PLACES, Rows, function, prefetched, rows_of
 from teg.backends.c.steps import StepPrinter, array_of, named
 from teg.backends.c.straights import Staged, Straight
 from teg.backends.c.text import indent, packed, spelled
-from teg.program.arrays import Arg, ArrayProgram, Cells, Loop, Number, Run, Scatter, Step
+from teg.program.arrays import Arg, ArrayProgram, Cells, Integers, Load, Loop, Number, Run, Scatter, Step
 from teg.program.fields import operands, result_names
 
 FEW = 5
@@ -58,7 +59,7 @@ class IterationPrinter(StepPrinter):
                 lines.append(f"{staged.steady.name}({', '.join([*given, f'{name}_{queue.name}'])});")
         if straight.covered is not None:
             lines += [
-                f"double simple_{queue.name}[{max(1, len(_kept(queue, straight.covered)))}][{SIDE}];",
+                f"double simple_{queue.name}[{max(1, len(_kept(queue, straight.covered)))}][{SIDE}] = {{{{0.0}}}};",
                 f"int plain_{queue.name} = 0;",
             ]
         return lines
@@ -106,16 +107,14 @@ class IterationPrinter(StepPrinter):
         return [f"switch ({which}) {{", *cases, "}"]
 
     def _flushed(self, queue: Queue, which: str) -> list[str]:
-        """Returns lines that compute the iterations in a queue; if it is not full, the last one is repeated. Where they are only added up,
-        the function does so, but for those that are not good."""
+        """Returns lines that compute the iterations in a queue, of which not all places need be taken. Where they are only added up, the
+        function does so, but for those that are not good."""
         run, name, array, count = queue.run, queue.name, array_of(queue.run), len(queue.run.results)
         declaration, *call = self._run(run)
         inputs = [f"const double {run.inputs[i]} = waits[{m}][k];" for m, i in enumerate(queue.varying)]
-        repeated = [
+        opening = [
             f"double (*const waits)[{SIDE}] = queue_{name}[{which}];",
             f"const int waiting = waiting_{name}[{which}];",
-            f"for (int m = 0; m < {len(queue.varying)}; m++)",
-            *indent(f"for (int k = waiting; k < {SIDE}; k++) waits[m][k] = waits[m][waiting - 1];"),
         ]
 
         def one_by_one(*lines: str) -> list[str]:
@@ -124,14 +123,14 @@ class IterationPrinter(StepPrinter):
 
         if not queue.after:
             return [
-                *repeated,
+                *opening,
                 f"double good[{SIDE}];",
                 *self._called(queue, which, f"lanes_{name}", "waiting", "good"),
                 *one_by_one(*packed(f"lanes_{name}[{m}][k] += {array}[{j}];" for m, j in enumerate(queue.added))),
                 f"waiting_{name}[{which}] = 0;",
             ]
         return [
-            *repeated,
+            *opening,
             f"double f[{SIDE * count}], good[{SIDE}];",
             *self._called(queue, which, "f", "good"),
             *one_by_one(f"for (int j = 0; j < {count}; j++) f[{SIDE} * j + k] = {array}[j];"),
@@ -154,8 +153,6 @@ class IterationPrinter(StepPrinter):
         kept = _kept(queue, covered)
         given = [f"simple_{name}[{kept.index(i)}]" if i in kept else spelled(queue.run.inputs[i]) for i in covered.lines[0].inputs]
         return [
-            f"for (int m = 0; m < {len(kept)}; m++)",
-            *indent(f"for (int k = plain_{name}; k < {SIDE}; k++) simple_{name}[m][k] = simple_{name}[m][plain_{name} - 1];"),
             f"{covered.lines[0].name}({', '.join([*given, f'alike_{name}', f'lanes_{name}', f'plain_{name}'])});",
             f"plain_{name} = 0;",
         ]
@@ -291,8 +288,11 @@ class IterationPrinter(StepPrinter):
                     *packed(gathered),
                 ),
                 "}",
-                f"{routine.name}({', '.join([*given, f'{row.index}_lo', f'{row.index}_length', spans])});",
+                f"const int {row.index}_long = {routine.name}({', '.join([*given, f'{row.index}_lo', f'{row.index}_length', spans])});",
                 *([f"for (int k = 0; k < {count}; k++) {{", *indent(*each, *ahead), "}"] if ahead else []),
+                f"if ({row.index}_long) {{",
+                *indent(*self._covered_runs(row, run, rows, step.index)),
+                "}",
                 f"for (int k = 0; k < {count}; k++) {{",
                 *indent(*each, *told, *self._span(row, run, held, depth + 1)),
                 "}",
@@ -307,7 +307,9 @@ class IterationPrinter(StepPrinter):
         index, (holds, fails) = step.index, HELD
         held = [(f"{index} >= {index}_{holds}_{h}", f"{index} < {index}_{fails}_{h}") for h in range(apart)]
         told = [f"const int {index}_{end} = 0;" for end in (LINES if apart else ())]
-        return [*narrow, *told, *self._span(step, run, held, depth)]
+        ends = [f"const double {index}_spans[{len(PLACES)}][1] = {{{', '.join(f'{{(double){index}_{end}}}' for end in PLACES)}}};"]
+        runs = [f"if ({index}_until - {index}_since >= {SIDE}) {{", *indent(*ends, *self._covered_runs(step, run, None, "")), "}"]
+        return [*narrow, *told, *runs, *self._span(step, run, held, depth)]
 
     def _span(self, step: Loop, run: Run, held: Sequence[tuple[str, str]], depth: int) -> list[str]:
         """Returns the iterations of a loop of which it is known which are live and which covered. `held` has two conditions for each of the
@@ -319,10 +321,7 @@ class IterationPrinter(StepPrinter):
         needed = self._block(_needed(before, {queue.run.inputs[i] for i in _kept(queue, straight.covered)}), depth)
         bits = " | ".join(f"({first} & {last}) << {h}" for h, (first, last) in enumerate(held))
         return [
-            f"int64_t {index}_at = {since};",
-            f"for (; {index}_at + {SIDE} <= {until}; {index}_at += {SIDE}) {{",
-            *indent(*self._covered_at_once(queue, straight.covered, index, needed)),
-            "}",
+            f"const int64_t {index}_at = {until} - (({until} - {since}) & {SIDE - 1});",
             f"for (int64_t {index} = {index}_at; {index} < {until}; {index}++) {{",
             *indent(*needed, *self._pushed_plain(queue, straight.covered, "if (teg_stopped(pace)) break;")),
             "}",
@@ -371,18 +370,43 @@ class IterationPrinter(StepPrinter):
             "}",
         ]
 
-    def _covered_at_once(self, queue: Queue, covered: Staged, index: str, needed: Sequence[str]) -> list[str]:
-        """Returns lines that compute and add up SIDE iterations with a simple value, from {index}_at on."""
-        kept, inputs = _kept(queue, covered), queue.run.inputs
-        given = [f"c{i}" if i in kept else spelled(inputs[i]) for i in covered.lines[0].inputs]
+    def _covered_runs(self, loop: Loop, run: Run, rows: Rows | None, row: str) -> list[str]:
+        """Returns lines that compute and add up the covered iterations of a loop, all that make groups of SIDE, for up to SIDE rows, whose
+        index is `row`."""
+        queue = self.queues[id(run)]
+        covered = self.straights[id(run)].covered
+        assert covered is not None
+        assert covered.point is not None
+        runs = self._runs(loop, run, rows, row, {i: str(queue.run.inputs[i]) for i in covered.point.inputs})
+        routine = self.printer.once("runs", covered_runs(runs, covered.point))
+        spans = f"{loop.index}_spans"
+        common = [*(f"{spans}[{PLACES.index(end)}]" for end in PLACES[2:]), "from", f"alike_{queue.name}", f"lanes_{queue.name}"]
         return [
-            "if (teg_stopped(pace)) break;",
-            *packed([f"c{i}[{SIDE}]" for i in kept], "double ", ", ", ";"),
-            f"for (int k = 0; k < {SIDE}; k++) {{",
-            *indent(f"const int64_t {index} = {index}_at + k;", *needed, *packed(f"c{i}[k] = {inputs[i]};" for i in kept)),
-            "}",
-            f"{covered.lines[0].name}({', '.join([*given, f'alike_{queue.name}', f'lanes_{queue.name}', str(SIDE)])});",
+            f"for (int64_t from = 0; {routine.name}({', '.join([*runs.arguments, *common])}); from += {PIECE})",
+            *indent("if (teg_stopped(pace)) break;"),
         ]
+
+    def _runs(self, loop: Loop, run: Run, rows: Rows | None, row: str, inputs: dict[int, str]) -> CoveredRuns:
+        """Returns what is read in the iterations of a loop, and in the rows around it, for these inputs of its flat program."""
+        inner = _needed(loop.body[: loop.body.index(run)], set(inputs.values()))
+        lo = loop.lo if rows else 0
+        outer = _needed(rows.before, {lo, *inputs.values(), *(a for s in inner for a in operands(s))}) if rows else []
+        steps = [*outer, *inner]
+        made = {name for s in steps for name in result_names(s)} | {loop.index, row}
+        read = dict.fromkeys(
+            [a for s in steps for a in operands(s) if isinstance(a, str)] + [*inputs.values(), *([lo] if isinstance(lo, str) else [])]
+        )
+        given = [f"{'int64_t' if name.startswith('i') else 'double'} {name}" for name in read if name not in made]
+        given += dict.fromkeys(f"double p{s.args[0]}" for s in steps if isinstance(s, Integers) and s.op == "param")
+        arrays: dict[int, tuple[str, int, int | None]] = {}
+        for s in steps:
+            if isinstance(s, Load | Integers) and s.array >= 0:
+                spec = self.program.arrays[s.array]
+                arrays[s.array] = ("int64_t" if spec.integers else "double", spec.dimensions, _entries(s.array, inner, loop.index))
+        inside = {name for s in inner for name in result_names(s)}
+        return CoveredRuns(
+            loop.index, spelled(lo), row or None, self._block(outer, 1), self._block(inner, 1), inputs, inside, given, arrays
+        )
 
     def _pushed_plain(self, queue: Queue, covered: Staged, *more: str) -> list[str]:
         """Returns lines by which an iteration with a simple value joins those that wait."""
@@ -460,6 +484,16 @@ def _narrowed(step: Loop, run: Run, straight: Straight, lo: str, hi: str, apart:
             f"if ({since} >= {until}) {since} = {until} = {stop};",
         ]
     return [*lines, f"if ({stop} - {start} > {least}) {{", *indent(*evaluated), "}"], start, stop
+
+
+def _entries(array: int, block: Sequence[Step], index: str) -> int | None:
+    """Returns how many entries are read from the start of the last axis of an array in each iteration, if `index` is the subscript before
+    and nothing else is read."""
+    read = [s.subscripts for s in block if isinstance(s, Load) and s.array == array]
+    last = {subscripts[-1] for subscripts in read}
+    if any(len(subscripts) < 2 or subscripts[-2] != index for subscripts in read) or last != set(range(len(last))):
+        return None
+    return len(last) or None
 
 
 def _needed(block: Sequence[Step], wanted: set[Arg]) -> list[Step]:

@@ -65,7 +65,7 @@ class Queue:
         lines = [1 + h if held == (1 << apart) - 1 - (1 << h) else 0 for held in range(1 << apart) for h in [_missing(held, apart)]]
         table = [f"static const unsigned char line_of_{name}[{len(lines)}] = {{{', '.join(map(str, lines))}}};"] if apart else []
         return [
-            f"double queue_{name}[{n}][{max(1, len(self.varying))}][{SIDE}];",
+            f"double queue_{name}[{n}][{max(1, len(self.varying))}][{SIDE}] = {{{{{{0.0}}}}}};",
             *places,
             f"int waiting_{name}[{n}] = {{0}};",
             *lanes,

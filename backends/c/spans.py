@@ -51,7 +51,8 @@ def rows_of(loop: Loop, idle: Container[int]) -> Rows | None:
 
 def function(narrow: str, known: Narrowing, indices: Container[int], varying: Container[int], apart: bool) -> str:
     """Returns the C function @ of eight rows, which calls the function `narrow` of one iteration: inputs in `indices` are the number of the
-    iteration, those in `varying` differ between rows. If half-planes are told `apart`, it writes LINES and HELD of each one, too."""
+    iteration, those in `varying` differ between rows. If half-planes are told `apart`, it writes LINES and HELD of each one, too. It
+    returns whether SIDE iterations of some row are covered."""
 
     def call(iteration: str, array: str) -> str:
         values = [iteration if i in indices else f"q{i}[k]" if i in varying else f"p{i}" for i in known.inputs]
@@ -99,11 +100,13 @@ def function(narrow: str, known: Narrowing, indices: Container[int], varying: Co
         "known = since < until;",
         "since = known ? since : stop, until = known ? until : stop;",
         "spans[2][k] = since, spans[3][k] = until;",
+        f"some |= until - since >= {SIDE}.0;",
         *_told_apart(len(planes)),
     ]
     inputs = [i for i in known.inputs if i not in indices]
     given = signature(inputs, varying, "const double *lo", "const double *length", f"double (*restrict spans)[{SIDE}]")
-    return wrapped([f"TEG_EIGHT void @({given})", "{", *indent(f"for ({TRUTH} k = 0; k < {SIDE}; k++) {{", *indent(*inside), "}"), "}"])
+    each = [f"for ({TRUTH} k = 0; k < {SIDE}; k++) {{", *indent(*inside), "}"]
+    return wrapped([f"TEG_EIGHT {TRUTH} @({given})", "{", *indent(f"{TRUTH} some = 0;", *each, "return some;"), "}"])
 
 
 def _told_apart(count: int) -> list[str]:

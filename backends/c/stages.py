@@ -9,12 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import count
 from typing import NamedTuple
 
+from teg.backends.c.contracted import contracted, decisive
 from teg.backends.c.crossed import BRANCHLESS, SIDE, TOGETHER, Crossed, Item, Nodes, defines, reads
 from teg.backends.c.frame import Frame, Scope, Spelling, Step, assignments
-from teg.backends.c.lane_functions import SELECTIONS
+from teg.backends.c.lane_functions import SELECTIONS, values_in_lanes
 from teg.backends.c.regrouped import alike, regrouped
 from teg.backends.c.text import TRUTH, indent, literal
 from teg.backends.c.text import packed as in_few_lines
@@ -35,13 +37,22 @@ class Inside(NamedTuple):
     inputs: list[int]
 
 
+class Point(NamedTuple):
+    """A straight line without sums over nodes for a loop over points. `inputs` are the numbers of the inputs that vary, which are called c;
+    `printed` gives its lines of C, and its outputs in C (None: 0), if the inputs with these numbers are `teg_lanes_8`."""
+
+    inputs: list[int]
+    printed: Callable[[Collection[int]], tuple[list[str], list[str | None]]]
+
+
 class Functions(NamedTuple):
     """The insides of C functions. `steady` writes what is the same at all points to an array s of `kept` numbers, inputs among it; each of
-    `lines` computes eight points with it. Its inputs are those that vary, arrays q."""
+    `lines` computes eight points with it. Its inputs are those that vary, arrays q. `point` is the inside of a loop over points."""
 
     steady: Inside
     kept: int
     lines: list[Inside]
+    point: Point | None = None
 
 
 Written = Callable[[Scope], list[str]]
@@ -73,19 +84,19 @@ def totals(found: Crossed, sums: Sequence[int]) -> Written:
     return lines
 
 
-def functions(lines: Sequence[Crossed], varying: Container[int], writing: Writing) -> Functions:
-    """Returns the functions of straight lines of one program. Inputs in `varying` differ between points."""
-    lines = alike([regrouped(line, varying) for line in lines], varying)
-    stages = [_Stages(line, varying) for line in lines]
+def functions(lines: Sequence[Crossed], varying: Container[int], writing: Writing, point: Crossed | None = None) -> Functions:
+    """Returns the functions of straight lines of one program, and the lines of a `point`, another one without sums over nodes. Inputs in
+    `varying` differ between points."""
+    found = alike([regrouped(line, varying) for line in (*lines, *([] if point is None else [point]))], varying)
+    stages = [_Stages(line, varying, "q{}[k]" if n < len(lines) else "c{}") for n, line in enumerate(found)]
     constant = list({s.name: s for stage in stages for s in stage.constant}.values())
     wanted = set[Arg]().union(*(stage.moving for stage in stages))
     same = [f"p{i}" for i in parameter_numbers(wanted) if i not in varying]
     steady, places, kept = _steady(constant, [*same, *(s.name for s in constant if s.name in wanted)])
-    made = [
-        Inside(list(stage.lines(writing(stage.found), places)), [i for i in parameter_numbers(stage.moving) if i in varying])
-        for stage in stages
-    ]
-    return Functions(Inside(steady, parameter_numbers([*same, *(a for s in constant for a in s.args)])), kept, made)
+    inputs = [[i for i in parameter_numbers(stage.moving) if i in varying] for stage in stages]
+    made = [Inside(list(stages[n].lines(writing(stages[n].found), places)), inputs[n]) for n in range(len(lines))]
+    inside = Inside(steady, parameter_numbers([*same, *(a for s in constant for a in s.args)]))
+    return Functions(inside, kept, made, Point(inputs[-1], partial(stages[-1].point, places)) if point is not None else None)
 
 
 def _steady(constant: Sequence[Assign], given: Sequence[str]) -> tuple[list[str], dict[str, str], int]:
@@ -106,12 +117,13 @@ def _steady(constant: Sequence[Assign], given: Sequence[str]) -> tuple[list[str]
 
 
 class _Stages:
-    """The stages of a straight line in C: `places` says how a value is spelled that an earlier stage has."""
+    """The stages of a straight line in C: `places` says how a value is spelled that an earlier stage has, `inputs_as` how inputs are that
+    vary."""
 
-    def __init__(self, found: Crossed, varying: Container[int]) -> None:
+    def __init__(self, found: Crossed, varying: Container[int], inputs_as: str) -> None:
         self.found = found
         inputs = inputs_of(found)
-        self.places: dict[str, str] = {f"p{i}": f"q{i}[k]" if i in varying else f"p{i}" for i in inputs}
+        self.places: dict[str, str] = {f"p{i}": inputs_as.format(i) if i in varying else f"p{i}" for i in inputs}
         self.lanes: set[Arg] = {f"p{i}" for i in inputs if i in varying}
         self.stage: dict[Arg, int] = {}
         self.last = 0
@@ -123,6 +135,7 @@ class _Stages:
                 self.lanes.update(defines(item))
         self.constant = [i for i in found.items if isinstance(i, Assign) and i.name not in self.lanes]
         self.moving = self._read_by(self.without(self.constant))
+        self.exact = decisive(found.items)
         self._arrays = count()
         self._count = [0]
 
@@ -138,6 +151,13 @@ class _Stages:
                 if isinstance(item, Nodes) and self.stage[item.sums[0]] == number + 1:
                     yield from self._nodes(item)
 
+    def point(self, steady: Mapping[str, str], side_by_side: Collection[int]) -> tuple[list[str], list[str | None]]:
+        """Returns the lines of a point, or of eight if some inputs are `side_by_side`, and the outputs."""
+        self.places.update(steady)
+        block = [s for s in self.found.items if isinstance(s, Assign) and s.name in self.lanes]
+        scope, text = self._written(block, values_in_lanes(block, {f"p{i}" for i in side_by_side}))
+        return text, [None if o == 0.0 else scope(o) for o in self.found.outputs]
+
     def without(self, some: Iterable[Item]) -> list[Item]:
         """Returns the other items."""
         left_out = set(map(id, some))
@@ -149,26 +169,33 @@ class _Stages:
     def _frame(self, block: Sequence[Assign], wanted: Collection[Arg]) -> tuple[Frame, list[str]]:
         """Returns a block in which names of earlier stages are spelled as arrays, and those of its values that are wanted."""
         given = [s.name for s in block if s.name in wanted]
-        block = _late(block, given)
+        block = _late(contracted(block, given, self.exact), given)
         return self._framed(_steps(block), given, self.places), given
 
-    def _framed(self, steps: list[Step], own: Sequence[Arg], places: dict[str, str]) -> Frame:
-        frame = _framed(steps, own, places)
+    def _framed(self, steps: list[Step], own: Sequence[Arg], places: dict[str, str], lanes: Collection[Arg] = ()) -> Frame:
+        frame = _framed(steps, own, places, lanes)
         frame.count = self._count  # names differ in all stages
         return frame
 
+    def _written(self, block: Sequence[Assign], lanes: Collection[Arg] = ()) -> tuple[Scope, list[str]]:
+        """Returns the lines that compute a block, and the scope in which the outputs are spelled. Values in `lanes` are `teg_lanes_8`."""
+        outputs = [o for o in dict.fromkeys((*self.found.outputs, self.found.good)) if isinstance(o, str)]
+        names = {s.name for s in block}
+        own = [o for o in outputs if o in self.places or o in names]
+        block = block if lanes else contracted(block, own, self.exact)
+        frame = self._framed(_steps(_late(block, [o for o in own if o in names])), own, self.places, lanes)
+        text = frame.block(0)
+        return frame.scope(), text
+
     def _loop(self, block: Sequence[Assign], wanted: Collection[Arg], written: Written | None) -> Iterator[str]:
         """Yields the loop of a stage; the last one writes the outputs."""
-        frame, given = self._frame(block, wanted)
         if written is not None:
-            outputs = [*self.found.outputs, self.found.good]
-            own = list(dict.fromkeys(o for o in outputs if isinstance(o, str) and (o in self.places or o in given)))
-            frame = self._framed(frame.blocks[0], own, self.places)
-        inside = frame.block(0)
-        scope = frame.scope()
-        if written is not None:
+            scope, inside = self._written(block)
             inside += written(scope)
         else:
+            frame, given = self._frame(block, wanted)
+            inside = frame.block(0)
+            scope = frame.scope()
             arrays = {name: f"a{next(self._arrays)}" for name in given}
             yield from in_few_lines([f"{array}[{SIDE}]" for array in arrays.values()], "double ", ", ", ";")
             inside += [f"{array}[k] = {scope(name)}{'' if is_number(name) else ' ? 1.0 : 0.0'};" for name, array in arrays.items()]
@@ -193,6 +220,7 @@ class _Stages:
             yield "};"
         yield f"double sum_{number}[{len(item.sums)}][{SIDE}] = {{{{0.0}}}};"
         body: list[Assign] = []
+        exact = set(self.exact)
         sums: dict[Arg, list[Arg]] = {v: [] for v in item.values}
         known = dict(self.places)
         for n in range(together):
@@ -200,6 +228,7 @@ class _Stages:
             known |= {own[x]: f"node_{number}[i + {n}][{c}]" for c, x in enumerate(item.places)}
             weight = f"v{number}w{n}"
             known[weight] = f"weight_{number}[i + {n}][k]" if in_array else f"node_{number}[i + {n}][{len(item.places)}]"
+            exact.update(own[name] for name in own if name in self.exact)
             for s in item.body:
                 body.append(Assign(own[s.name], s.op, tuple(own.get(a, a) if isinstance(a, str) else a for a in s.args)))
             for j, v in enumerate(item.values):
@@ -210,7 +239,7 @@ class _Stages:
         for j, v in enumerate(item.values):
             body.append(Assign(f"v{number}t{j}", "add", tuple(sums[v])))
             last.append(body[-1].name)
-        frame = self._framed(_steps(body), last, known)
+        frame = self._framed(_steps(contracted(body, last, exact)), last, known)
         inside = frame.block(0)
         scope = frame.scope()
         inside += [f"sum_{number}[{j}][k] += {scope(name)};" for j, name in enumerate(last)]
@@ -229,9 +258,9 @@ class _Stages:
         return self.places[arg] if isinstance(arg, str) else literal(float(arg))
 
 
-def _framed(steps: list[Step], own: Sequence[Arg], places: dict[str, str]) -> Frame:
+def _framed(steps: list[Step], own: Sequence[Arg], places: dict[str, str], lanes: Collection[Arg] = ()) -> Frame:
     """Returns a block in which names of `places` are spelled so."""
-    return Frame([], [steps], own, False, dict(places), Spelling(whole=(0,), truth=TRUTH))
+    return Frame([], [steps], own, False, dict(places), Spelling(whole=(0,), lanes=lanes, truth=TRUTH))
 
 
 def _late(block: Sequence[Assign], wanted: Iterable[str]) -> list[Assign]:

@@ -10,12 +10,13 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import NamedTuple, Protocol
 
+from teg.backends.c.covered import divided, joined
 from teg.backends.c.crossed import Crossed, crossed, lines_apart
 from teg.backends.c.frame import Routine
 from teg.backends.c.lane_functions import decision, signature, straight, used_inputs
 from teg.backends.c.lanes import SIDE, Packed, packed
 from teg.backends.c.ranges import Narrowing, function, narrowing
-from teg.backends.c.stages import functions, results, totals
+from teg.backends.c.stages import Point, functions, results, totals
 from teg.backends.c.text import TRUTH, indent, wrapped
 from teg.program import Assign, Program
 
@@ -29,11 +30,12 @@ class Eight(NamedTuple):
 
 class Staged(NamedTuple):
     """C functions of eight points in a queue: one for all of them, and for each half-plane one for points that it alone crosses, or none.
-    `steady` is the function of the `kept` numbers which all points share."""
+    `steady` is the function of the `kept` numbers which all points share; `point` is a straight line for loops over points (`covered`)."""
 
     lines: Sequence[Eight]
     steady: Eight
     kept: int
+    point: Point | None = None
 
     @property
     def apart(self) -> int:
@@ -139,7 +141,10 @@ def _whole(waiting: Waiting) -> Crossed | None:
 def _staged(once: Once, kind: str, found: Sequence[Crossed], waiting: Waiting) -> Staged:
     """Returns the functions of points that wait in queues."""
     sums, differing = waiting.sums, waiting.differing
-    made = functions(found, differing, results if sums is None else partial(totals, sums=sums))
+    apart = divided(found[0], sums, differing) if sums is not None and kind == "covered" else None
+    if sums is not None and apart is not None:
+        found = [joined(found[0], apart, sums)]
+    made = functions(found, differing, results if sums is None else partial(totals, sums=sums), apart)
     written = "double *restrict f" if sums is None else f"double (*restrict lanes)[{SIDE}], int count"
     lines: list[Eight] = []
     for line, inside in zip(found, made.lines, strict=True):
@@ -149,7 +154,7 @@ def _staged(once: Once, kind: str, found: Sequence[Crossed], waiting: Waiting) -
         lines.append(Eight(name, inside.inputs))
     text, inputs = made.steady
     steady = _printed(once, "steady", f"static void @({signature(inputs, (), 'double *s')})", ["(void)s;", *text])
-    return Staged(lines, Eight(steady, inputs), max(1, made.kept))
+    return Staged(lines, Eight(steady, inputs), max(1, made.kept), made.point)
 
 
 def _narrow(once: Once, known: Narrowing) -> Narrow:

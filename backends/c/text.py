@@ -41,7 +41,7 @@ INFIX = {  # the sign, how the whole binds, how its first operand and the others
     "any": (" | ", CONDITIONAL, ATOM, ATOM),
 }
 COMPARE = {"gt0": ">", "ge0": ">=", "lt0": "<", "le0": "<="}
-RENAMED = {"abs": "fabs", "mod": "teg_mod", "powi": "teg_powi", "tie": "teg_tie", "min": "teg_min", "max": "teg_max"}
+RENAMED = {"abs": "fabs", "mod": "teg_mod", "powi": "teg_powi", "tie": "teg_tie", "fma": "teg_fma", "min": "teg_min", "max": "teg_max"}
 
 
 LONG_SUM = 16

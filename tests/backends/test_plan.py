@@ -43,3 +43,6 @@ def test_intervals_of_columns(rows: int) -> None:
     table = np.random.default_rng(rows).integers(-9, 9, (rows, 3))
     table[-1] = [50, -50, 0]
     assert column_intervals(table) == [(int(column.min()), int(column.max())) for column in table.T]
+    assert column_intervals(table, rough=True) == column_intervals(table)
+    table += 50
+    assert column_intervals(table, rough=True) == [(0, int(column.max())) for column in table.T]

@@ -205,8 +205,8 @@ def summed_picture(vertices: np.ndarray, faces: np.ndarray, colours: np.ndarray,
     f = teg.compile(*picture(), backend="c", threads=threads)
 
     def run() -> tuple[float, np.ndarray, np.ndarray]:
-        corners = vertices[faces]
-        first, last = np.floor(corners.min(axis=1)).astype(int), np.ceil(corners.max(axis=1)).astype(int)
+        a, b, c = (vertices[faces[:, i]] for i in range(3))
+        first, last = np.floor(np.minimum(np.minimum(a, b), c)).astype(int), np.ceil(np.maximum(np.maximum(a, b), c)).astype(int)
         boxes = np.stack([first[:, 0], last[:, 0], first[:, 1], last[:, 1]], axis=1)
         value, slopes = f.value_and_grad({"V": vertices, "C": colours, "T": target, "F": faces, "B": boxes})
         return float(value), slopes["V"], slopes["C"]

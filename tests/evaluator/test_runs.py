@@ -127,8 +127,66 @@ def test_long_runs_are_cut() -> None:
     assert f(data) == pytest.approx(teg.compile(pixels(), [lines, shades], backend="numpy", intrinsics=False)(data), rel=1e-13)
     kernel: Any = f.kernel(0)
     (listed,) = kernel.lists.lists
-    _, starts = kernel._starts(listed, [], [data[name] for name in f.parameters])
+    _, (starts,) = kernel._starts(listed, [], [data[name] for name in f.parameters])
     assert starts.tolist() == [0, PIECE, 2 * PIECE, 10000]
+
+
+def choices(f: teg.Evaluator) -> list[Any]:
+    """The choices of the programs that were made, list by list."""
+    kernel: Any = f.kernel(1)
+    return [choice for chosen in kernel._kernels for choice in chosen]
+
+
+@in_c[0]
+@pytest.mark.parametrize("size", [9, 70])
+def test_rows_of_runs(size: int) -> None:
+    """In C, pixels by rows and columns: a row is one range, at whose ends gaps are. A weight of each pair leaves only runs."""
+    data = given("by face", faces=5, size=size)
+    keep = np.random.default_rng(2).random(len(data["P"])) > 0.05
+    data["P"] = data["P"][keep]
+    data["W"] = np.random.default_rng(3).random(len(data["P"]))
+    weight = teg.array("W")[n]
+    weighted = teg.sum(weight * shades[pairs[n, 0]] * (1 + pairs[n, 1]), (n, 0, teg.length(pairs)))
+    for e, counting in ((pixels(), 1), (pixels() + weighted, None)):
+        f = teg.compile(e, [lines, shades], backend="c")
+        at = {name: data[name] for name in f.parameters}
+        value, slopes = f.value_and_grad(at)
+        expected, wanted = teg.compile(e, [lines, shades], backend="numpy", intrinsics=False).value_and_grad(at)
+        assert value == pytest.approx(expected, rel=1e-12)
+        for name in ("L", "C"):
+            np.testing.assert_allclose(slopes[name], wanted[name], rtol=1e-11, atol=1e-10)
+        (choice,) = choices(f)
+        assert (choice.counting.places[1] if choice.counting else None) == counting
+
+
+@in_c[0]
+def test_lists_of_columns_apart() -> None:
+    """Each entry is an array of its own, some of them with strides."""
+    face, column, row = (teg.indices(name) for name in ("F", "X", "Y"))
+    inside = lines[face[n], 0] * x + lines[face[n], 1] * y < lines[face[n], 2]
+    pixel = teg.integral(teg.bracket(inside), (x, column[n], column[n] + 1), (y, row[n], row[n] + 1))
+    e = teg.sum(pixel, (n, 0, teg.length(face)))
+    data = given("by face")
+    apart = {"L": data["L"], "F": data["P"][:, 0].copy(), "X": data["P"][:, 1], "Y": data["P"][:, 2].astype(np.int32)}
+    f = teg.compile(e, [lines], backend="c")
+    value, slopes = f.value_and_grad(apart)
+    expected, wanted = teg.compile(e, [lines], backend="numpy", intrinsics=False).value_and_grad(apart)
+    assert value == pytest.approx(expected, rel=1e-12)
+    np.testing.assert_allclose(slopes["L"], wanted["L"], rtol=1e-11, atol=1e-10)
+    assert [choice.counting.array.name for choice in choices(f)] == ["X"]
+
+
+@in_c[0]
+def test_integers_behind_which_there_is_none() -> None:
+    """Numbers up to the largest integer: lists with them have runs, but no rows."""
+    e = teg.sum(shades[pairs[n, 0]] * pairs[n, 1], (n, 0, teg.length(pairs)))
+    top = 2**63 - 20
+    data = {"C": np.array([1.0, 3.0]), "P": np.array([[a, top + b] for a in range(2) for b in range(20)])}
+    f = teg.compile(e, [shades], backend="c")
+    for last in (20, 40):
+        part = {**data, "P": data["P"][:last]}
+        expected = sum(data["C"][a] * float(b) for a, b in part["P"].tolist())
+        assert f(part) == pytest.approx(expected, rel=1e-14)
 
 
 def test_two_lists_and_a_function_of_a_sum() -> None:

@@ -1,5 +1,16 @@
 /* Numbers side by side. */
 
+//: teg_fma
+/* x y + z, rounded once where that is one operation. */
+static inline double teg_fma(double x, double y, double z)
+{
+#ifdef FP_FAST_FMA
+    return fma(x, y, z);
+#else
+    return x * y + z;
+#endif
+}
+
 //: teg_lanes_2
 /* Numbers side by side. */
 #ifdef __GNUC__
