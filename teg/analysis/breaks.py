@@ -239,8 +239,8 @@ class BreakAnalysis:
         self._turned[self.key(resultant), self.key(border)] = turned
 
     def turned(self, f: Expr, g: Expr) -> tuple[Expr, Expr] | None:
-        """Returns two functions that are 0 where f and g are, without double zeros that these have: f is a resultant of quadratics, and g the
-        discriminant of one of them, or the other way round. None for others."""
+        """Returns two functions that are 0 where f and g are, without double zeros that these have, if f is a resultant of quadratics and g
+        the discriminant of one of them, or the other way round; None for others."""
         for resultant, border in ((f, g), (g, f)):
             found = self._turned.get((self.key(resultant), self.key(border)))
             if found is not None:
