@@ -184,4 +184,4 @@ def decay_power(n: int) -> int:
     An analytic function allows (n + 1)/2. But its slow part may be hidden behind a fast one: two branch points beside the interval, 1e-4 of
     it apart, show in the last coefficients only, and each power counts on ten to a hundred times what was seen (tests/bench/estimates.py).
     """
-    return 3 if n >= 16 else 2 if n >= 8 else n // 6
+    return 4 if n >= 16 else 2 if n >= 8 else n // 6

@@ -56,7 +56,7 @@ RESIDUE = 1e-8
 """An integrand whose highest coefficient is less than that, relative to its size, has no pole."""
 AT_END = 1e-9
 """A zero within this part of a piece's length of its end is at its end."""
-NEIGHBOUR = 2.0**-5
+NEIGHBOUR = 2.0**-4
 """A break beyond an end of a piece, within this part of its length, is a neighbour: if it is a branch point, the nodes do not see it."""
 FAR = 64.0
 """The size of a zero that is too far to count beside another one: what it costs is less than the rounding of large numbers."""

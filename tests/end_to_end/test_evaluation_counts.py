@@ -76,9 +76,9 @@ SCENES = (
     ),
     # moments of its chords and arcs
     Scene("disk", over_square(teg.bracket(disk(a, b, r))), {"a": 0.47, "b": 0.53, "r": 0.3}, 0),
-    # y = b + r·sin u makes the chord 2r·cos u, times r·cos u: not a polynomial, 10 nodes are too few for 1e-10, 16 are enough, which only
-    # their halves tell; on each row exp is integrated in closed form
-    Scene("disk, exp·cos", over_square(teg.bracket(disk(a, b, r)) * EXP_COS), {"a": 0.47, "b": 0.53, "r": 0.2}, OUTER_FIRST + 3 * ORDER),
+    # y = b + r·sin u makes the chord 2r·cos u, times r·cos u: not a polynomial, 10 nodes are too few for 1e-10, 16 are enough;
+    # on each row exp is integrated in closed form
+    Scene("disk, exp·cos", over_square(teg.bracket(disk(a, b, r)) * EXP_COS), {"a": 0.47, "b": 0.53, "r": 0.2}, OUTER_FIRST + ORDER),
     # rows of an adaptive integral: 12 nodes for the first look, on each of them 10
     Scene(
         "disk, an exponential and two waves",
@@ -87,8 +87,8 @@ SCENES = (
         (12 + ORDER) * INNER_FIRST,
     ),
     # between the two corners, where the chord ends at one arc on either side: one piece, as for the disk; beside it two pieces on which
-    # both chords are there, but apart, are looked at once
-    Scene("lens", over_square(teg.bracket(disk(0.4, 0.5, r) & disk(a, 0.5, r))), {"a": 0.6, "r": 0.25}, 3 * OUTER_FIRST + ORDER),
+    # both chords are there, but apart, are looked at once; their ends are neighbours, so halves are looked at
+    Scene("lens", over_square(teg.bracket(disk(0.4, 0.5, r) & disk(a, 0.5, r))), {"a": 0.6, "r": 0.25}, 3 * OUTER_FIRST + 3 * ORDER),
     # in closed form: no integrand is evaluated
     Scene("hyperbola", over_square(teg.bracket(x * y > t)), {"t": 0.25}, 0),
     # no row is needed at all
