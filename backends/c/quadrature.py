@@ -30,7 +30,7 @@ class Sums:
 class Places:
     """The places of an adaptive rule: those of the substitution `way` if they are `bent`, which may be that of a singular end if there are
     `ends`; `noted` says that the block may note ties and missed tolerances there, `broken` that
-    there may be breaks beside the piece."""
+    the piece may have neighbours."""
 
     bent: bool
     ends: bool

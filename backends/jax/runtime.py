@@ -148,9 +148,9 @@ def integrate(
     points = jnp.concatenate([jnp.atleast_1d(v) for v in inner])
     if len(breaks) > 1:
         points = jnp.sort(points)
-    beside: tuple[Any, ...] = ()
+    near: tuple[Any, ...] = ()
     if pieces.adaptive and breaks:
-        beside = rules.neighbours(JAX, points, (lo, hi), entries.stacked(breaks))
+        near = rules.neighbours(JAX, points, (lo, hi), entries.stacked(breaks))
     base, scale, *coefficients = bends or (0.0, 1.0)
 
     def piece(p: Scalar, q: Scalar, *neighbours: Scalar) -> tuple[Any, Note]:
@@ -165,10 +165,10 @@ def integrate(
         return sums, where(active, note) | note_body
 
     if len(breaks) < MANY:
-        sums, notes = jax.vmap(piece)(points[:-1], points[1:], *beside)
+        sums, notes = jax.vmap(piece)(points[:-1], points[1:], *near)
         total, note = jnp.sum(sums, axis=0), union(notes)
     else:
-        total, note = _one_by_one(piece, (points[:-1], points[1:], *beside), when & ~broken, pieces)
+        total, note = _one_by_one(piece, (points[:-1], points[1:], *near), when & ~broken, pieces)
     sign = jnp.where(lo <= hi, 1.0, -1.0)
     total = jnp.concatenate([sign * total[: pieces.values], total[pieces.values :]])
     total = jnp.where(broken, jnp.nan, total)

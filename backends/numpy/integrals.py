@@ -91,18 +91,18 @@ class Integral:
         not_a_bound = np.isnan if self.infinite else _not_finite
         broken = np.broadcast_to(not_a_bound(lo) | not_a_bound(hi), (lanes,))
         kept = np.flatnonzero(rules.is_wide(np, p, q) & ~np.tile(broken, len(breaks) + 1))
-        beside: tuple[Value, Value] = (False, False)
+        neighbours: tuple[Value, Value] = (False, False)
         if self.is_adaptive and breaks:
             first, last = rules.neighbours(NUMPY, points, (lo, hi), np.array(np.broadcast_arrays(*breaks, points[0])[:-1]))
-            beside = first.reshape(-1)[kept], last.reshape(-1)[kept]
-        sums = self._pieces(run, (p[kept], q[kept], *beside), kept % lanes, outside, lanes)
+            neighbours = first.reshape(-1)[kept], last.reshape(-1)[kept]
+        sums = self._pieces(run, (p[kept], q[kept], *neighbours), kept % lanes, outside, lanes)
         sums[: self.values] *= np.where(lo <= hi, 1.0, -1.0)
         sums[:, broken] = np.nan
         return sums
 
     def _pieces(self, run: Run, ends: tuple[Array, Array, Value, Value], lane: Array, outside: _Outside, lanes: int) -> Array:
         """Returns the sums over the pieces of each lane, (results, lanes), from their `ends`, and whether there are neighbours."""
-        (p, q, *beside), (of_bends, for_flags, for_body) = ends, outside
+        (p, q, *neighbours), (of_bends, for_flags, for_body) = ends, outside
         flagged: list[Value] = []
         base, scale, *coefficients = (gather(v, lane) for v in of_bends) if of_bends else (0.0, 1.0)
         if self.flags is not None and p.size:
@@ -111,14 +111,14 @@ class Integral:
             if not np.all(need):
                 kept = np.flatnonzero(np.broadcast_to(need, p.shape))
                 p, q, lane, base, scale, *coefficients = (gather(v, kept) for v in (p, q, lane, base, scale, *coefficients))
-                beside = [gather(v, kept) for v in beside]
+                neighbours = [gather(v, kept) for v in neighbours]
                 flagged = [gather(v, kept) for v in flagged]
         if not p.size:
             return np.zeros((self.results, lanes))
         active, flagged = flagged[: len(self.bends)], flagged[len(self.bends) :]
         values = [*(gather(v, lane) for v in for_body), *flagged]
         bends = Bends(base, [(kind, *coefficients[3 * i : 3 * i + 3], active[i]) for i, kind in enumerate(self.bends)])
-        pieces = Pieces(run, self._places(p, q, bends, scale), values, (beside[0], beside[1]))
+        pieces = Pieces(run, self._places(p, q, bends, scale), values, (neighbours[0], neighbours[1]))
         return scatter(self._rule(pieces, bends), lane, lanes)
 
     @property

@@ -207,7 +207,7 @@ class Projection:
     def _met_at_a_turn(self, f: Expr, g: Expr, matters: Cond = TRUE) -> bool:
         """Adds where two functions meet that are a resultant and a discriminant; returns whether they are."""
         z, pair = self.node.var, self.analysis.turned(f, g)
-        if pair is None or max(self.analysis.degrees.of(h, z) or 3 for h in pair) > 2:
+        if pair is None or any(self.analysis.degrees.of(h, z) not in (1, 2) for h in pair):
             return False
         first, second = (quadratic_coefficients(h, z, self.centre) for h in pair)
         self._put(_unless_linear(_resultant(first, second), first, second), matters)
