@@ -172,10 +172,10 @@ def _rows(stmts: Sequence[Any], group: Sequence[Any], needed: set[str], numbers:
     values = tuple(assigned(body))
     inside = without_dead_code(Program((), (*matching.blocks[0], body), values)).body
     read = free_in(inside)
-    varying = {column: name for column, name in matching.columns.items() if name in read}
+    varying = {name: column for name, column in matching.columns.items() if name in read}
     if not varying:
         return None
-    return Rows(tuple(varying.values()), tuple(varying), inside, values, results), matching.selects
+    return Rows(tuple(varying), tuple(varying.values()), inside, values, results), matching.selects
 
 
 class Unlike(Exception):
@@ -201,7 +201,7 @@ class _Matching:
         self.made: list[dict[str, tuple[int, Any]]] = [{n: (0, s) for n, s in own.items()} for _ in range(rows)]
         self.inner: list[set[str]] = [set() for _ in range(rows)]
         self.known: dict[tuple[Any, ...], Any] = {}
-        self.columns: dict[tuple[Arg, ...], str] = {}
+        self.columns: dict[str, tuple[Arg, ...]] = {}
         self.blocks: list[list[Any]] = [[]]
         self.numbers = numbers
         self.place = 0
@@ -336,7 +336,7 @@ class _Matching:
             raise Unlike  # a power, or the number of a function
         key = tuple(map(_key, args))
         if key not in self.known:
-            self.columns[args] = self._know(args, self._name())
+            self.columns[self._know(args, self._name())] = args
         return self.known[key]  # type: ignore[no-any-return]
 
     def _made(self, args: tuple[Arg, ...], made: Sequence[Any]) -> Arg:

@@ -109,6 +109,26 @@ def test_what_rows_compute_differently_is_selected() -> None:
 
 
 @pytest.mark.usefixtures("x64")
+@pytest.mark.parametrize(("low", "high"), [(0.0, 1.0), (-0.0, 1.0)])
+def test_a_selection_and_equal_numbers_are_columns_of_their_own(low: float, high: float) -> None:
+    """False, True is not the column 0.0, 1.0, nor is that with a negative zero, although they are equal in Python."""
+
+    def text(k: int, x: str, op: str, number: float, zero: float) -> tuple[Stmt, ...]:
+        powers = [let(f"v{k + i}", "mul", f"v{k + i - 1}" if i else x, x) for i in range(8)]
+        sums = let(f"v{k + 8}", op, f"v{k + 7}"), let(f"v{k + 9}", "add", f"v{k + 8}", number), let(f"v{k + 10}", "max", zero, f"v{k + 9}")
+        return (*powers, *sums)
+
+    p = two(
+        (*text(10, "x0", "sin", low, 0.0), let("vf", "exp", "v20")),
+        (*text(30, "x1", "cos", high, 1.0), let("vs", "exp", "v40")),
+    )
+    (rows,) = rows_of(p)
+    assert (False, True) in rows.rows
+    assert len(rows.rows) == (2 if repr(low) == "0.0" else 3)
+    agree(p, 0.5, 1.5)
+
+
+@pytest.mark.usefixtures("x64")
 def test_places_that_change_roles_are_selected() -> None:
     """A bound and a factor, computed in one row, and a variable in the other one."""
 
