@@ -175,7 +175,7 @@ def moments_function(moments: Wanted) -> str:
         f"static void {function_name(moments)}(const teg_ellipse *e, const double *inverse, double *in, double *on)",
         "{",
         *indent(
-            *(_rule(n) for n in (FEW, MANY)),
+            *([_rule(n) for n in (FEW, MANY)] if inside or on else ["(void)inverse;"]),
             *([] if inside else ["(void)in;"]),
             *([] if border else ["(void)on;"]),
             *packed(f"double in_{j}{k} = 0.0;" for j, k in inside),

@@ -25,15 +25,20 @@ _WORDS = """
     protected public reinterpret_cast static_cast template this throw true try typeid typename using virtual wchar_t xor xor_eq
     main linux unix abort abs atexit atof atoi atol atoll bsearch calloc div exit free getenv labs ldiv llabs lldiv malloc mblen
     mbstowcs mbtowc qsort rand realloc srand strtod strtof strtol strtold strtoll strtoul strtoull system wcstombs wctomb random
-    srandom drand48 printf scanf puts gets memcpy memset memcmp strlen strcpy strcmp index rindex
+    srandom drand48 printf scanf puts gets index rindex memcpy memset memcmp memchr memmove strlen strcpy strcmp strcat strchr strcoll
+    strcspn strerror strncat strncmp strncpy strpbrk strrchr strspn strstr strtok strxfrm math_errhandling NULL NAN INFINITY
+    alloca aligned_alloc at_quick_exit bcmp bcopy bzero clearenv ecvt fcvt gcvt ffs ffsl ffsll getloadavg getsubopt initstate setstate
+    memccpy mkdtemp mkstemp mktemp on_exit pselect putenv quick_exit realpath reallocarray rpmatch select setenv signgam stpcpy
+    stpncpy strcasecmp strdup strncasecmp strndup strnlen strsep strsignal uint ulong unsetenv ushort valloc
 """
 WORDS = frozenset(_WORDS.split())
-"""Words of C and C++, and functions of its library that are called without a suffix."""
+"""Words of C and C++, and what headers of the C library and of POSIX declare without a suffix."""
 _MATHEMATICS = """
     acos acosh asin asinh atan atan2 atanh cbrt ceil copysign cos cosh erf erfc exp exp2 expm1 fabs fdim floor fma fmax fmin fmod
     frexp gamma hypot ilogb j0 j1 jn ldexp lgamma llrint llround log log10 log1p log2 logb lrint lround modf nan nearbyint
     nextafter nexttoward pow remainder remquo rint round scalbln scalbn sin sinh sqrt tan tanh tgamma trunc y0 y1 yn fpclassify
-    isfinite isinf isnan isnormal signbit isgreater isless islessgreater isunordered
+    isfinite isinf isnan isnormal signbit isgreater isgreaterequal isless islessequal islessgreater isunordered
+    drem finite scalb significand
 """
 MATHEMATICS = frozenset(_MATHEMATICS.split())
 """Those of <math.h>, which have suffixes f and l too."""
@@ -45,14 +50,22 @@ _KINDS = (
 ROUTINES = re.compile(rf"element(_part_\d+)?|({_KINDS})_\d.*")
 """What the functions in the generated text are called, whether this one has them or not."""
 
+_TYPES = (
+    "blkcnt|blksize|caddr|clock|clockid|daddr|dev|div|double|float|fsblkcnt|fsfilcnt|fsid|gid|id|ino|key|ldiv|lldiv|locale|loff|mode|nlink"
+    "|off|pid|pthread_[a-z]+|ptrdiff|quad|register|sigset|size|ssize|suseconds|time|timer|uid|u?int[a-z_]*[0-9]*|u_[a-z]+[0-9]*"
+)
+HEADERS = re.compile(rf"[A-Z][A-Z0-9]*_[A-Z0-9_]*|({_TYPES})_t")
+"""What macros and types of headers are called: DBL_MAX, size_t."""
+
 
 def check_function_name(name: str) -> None:
     """Raise OptionError if a C function cannot have the name."""
     usable = re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,50}", name)
     taken = name in WORDS or name in MATHEMATICS or (name[-1:] in ("f", "l") and name[:-1] in MATHEMATICS)
-    taken |= ROUTINES.fullmatch(name) is not None
+    taken |= ROUTINES.fullmatch(name) is not None or HEADERS.fullmatch(name) is not None
     if not usable or taken or name.lower().startswith("teg_"):
-        raise OptionError("not usable as the name of a C function", name, "letters, digits and _, no word or function of C, not teg_…")
+        hint = "letters, digits and _, no word, function, macro or type of C, not teg_…"
+        raise OptionError("not usable as the name of a C function", name, hint)
 
 
 def standalone_c(program: Program | ArrayProgram, name: str, outputs: Sequence[str] = (), real: str = "double") -> tuple[str, str]:

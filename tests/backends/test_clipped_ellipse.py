@@ -111,8 +111,10 @@ def test_the_interpreter(case: Case) -> None:
 
 @needs_c
 def test_the_text_is_c99_without_warnings_and_its_behaviour_defined(tmp_path: Path) -> None:
+    """The length of an arc alone needs no nodes, and no matrix."""
     some = [CASES[0], SPECIAL]
-    text_compiles_without_warnings(tmp_path, some)
+    single = [Case("one", of_place(ROUND, [m]), SPECIAL.columns, (), SPECIAL.n) for m in (AREA, REST, LENGTH)]
+    text_compiles_without_warnings(tmp_path, [*some, *single])
     behaviour_is_defined(tmp_path, some)
 
 

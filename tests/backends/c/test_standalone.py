@@ -232,7 +232,8 @@ def test_notes_say_of_each_point_what_happened_there() -> None:
 
 
 NAMES = ["", "int", "class", "a-b", "1a", "a b", "teg_mod", "TEG_X", "element", "integral_1", "f(", "é", "_x", "sin", "sinf", "y0", "main",
-         "exit", "malloc", "a" * 60, "x;y", "decision_2", "straight_3", "branch_4", "crossed_5", "rest_6"]  # fmt: skip
+         "exit", "malloc", "NULL", "NAN", "DBL_MAX", "INT64_C", "size_t", "int64_t", "strcat", "memmove", "select", "finite",
+         "a" * 60, "x;y", "decision_2", "straight_3", "branch_4", "crossed_5", "rest_6"]  # fmt: skip
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -252,7 +253,7 @@ def test_names_of_routines_are_refused() -> None:
     assert not {name for name in own if ROUTINES.fullmatch(name) is None}
 
 
-@pytest.mark.parametrize("name", ["f", "n", "w", "y2", "area", "ends2", "a" * 51, "Sin", "p0"])
+@pytest.mark.parametrize("name", ["f", "n", "w", "y2", "area", "ends2", "a" * 51, "Sin", "p0", "stress", "AREA", "area_t", "Area_T"])
 def test_other_names_compile(name: str, tmp_path: Path) -> None:
     for suffix, text in zip("ch", standalone_c(program(1, (let("v0", "mul", "p0", 2.0),), "v0"), name), strict=True):
         (tmp_path / f"{name}.{suffix}").write_text(text)
