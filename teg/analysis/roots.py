@@ -30,6 +30,8 @@ MAX_DEPTH = 8
 COARSE = 1e4
 REACH = 2.0**20
 """A vertex that is further away from the origin is not gone to."""
+NEAR = 64.0
+"""A bound of at most this size is near 0: roots relative to it have an error of 1e-14 at most."""
 LEAST = 1e-300
 """Keeps a divisor from 0."""
 
@@ -51,10 +53,15 @@ class Roots:
 
 
 def local_origin(lo: Expr, hi: Expr) -> Expr:
-    """Returns the origin relative to which roots are computed: 0 if it is between the bounds, else a finite bound."""
-    if isinstance(lo, Const) and isinstance(hi, Const) and min(lo.data, hi.data) <= 0.0 <= max(lo.data, hi.data):
+    """Returns the origin relative to which roots are computed: 0 if it is between the bounds; else a number near 0 that is a bound, since
+    the other bound may be far away and the root near 0; else a finite bound."""
+    finite = [b for b in (lo, hi) if not (isinstance(b, Const) and math.isinf(b.data))]
+    numbers = sorted((b for b in finite if isinstance(b, Const)), key=lambda b: abs(b.data))
+    if len(numbers) == 2 and min(b.data for b in numbers) <= 0.0 <= max(b.data for b in numbers):
         return ZERO
-    return next((b for b in (lo, hi) if not (isinstance(b, Const) and math.isinf(b.data))), ZERO)
+    if numbers and (len(numbers) == len(finite) or abs(numbers[0].data) <= NEAR):
+        return numbers[0]
+    return next(iter(finite), ZERO)
 
 
 def far_origin(lo: Expr, hi: Expr) -> Expr:

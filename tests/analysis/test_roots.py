@@ -7,8 +7,8 @@ import math
 import pytest
 
 import teg
-from teg.analysis.roots import Roots, quadratic_coefficients, solve
-from teg.ir.expr import ONE, ZERO
+from teg.analysis.roots import Roots, local_origin, quadratic_coefficients, solve
+from teg.ir.expr import ONE, ZERO, const
 
 x, y = teg.vars("x y")
 a, b, c, t = teg.params("a b c t")
@@ -31,6 +31,15 @@ def test_an_affine_root_is_taken_from_the_local_origin() -> None:
     corner = 2.0**26
     g = (x - (corner + 0.25)) * 3.0
     assert points(solve(g, x, teg.ir.expr.const(corner), teg.ir.expr.const(corner + 1))) == [corner + 0.25]
+
+
+def test_the_local_origin_is_near_0_where_a_bound_may_be_far_away() -> None:
+    far, wide, endless = const(1e10), const(-1e10), const(math.inf)
+    assert local_origin(wide, far) is local_origin(ONE, wide) is local_origin(wide, ONE) is ZERO
+    assert local_origin(ONE, far) is local_origin(far, ONE) is ONE
+    assert local_origin(t, ONE) is local_origin(ONE, t) is ONE
+    assert local_origin(t, far) is local_origin(t, a) is local_origin(t, endless) is t
+    assert local_origin(endless, endless) is ZERO
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import teg
+from teg.program.interpreter import interpret
 
 pytestmark = pytest.mark.usefixtures("x64_for_jax")
 
@@ -479,3 +480,49 @@ def test_slices_with_closed_forms_and_a_density_that_may_be_sharp(
     found = f.grad(at)
     for name, slope in slopes.items():
         assert found[name] == pytest.approx(slope, rel=1e-9)
+
+
+LONG = (1e3, 1e8, 1e10)
+"""How far bounds lie apart from what is integrated: what users write for infinity."""
+
+
+@pytest.mark.parametrize("backend", ["interpreter", *BACKENDS])
+@pytest.mark.parametrize("far", LONG)
+def test_lines_in_long_boxes_have_all_digits(far: float, backend: str) -> None:
+    """Roots and boundary terms were relative to the lower bound: known to the rounding of that, without a warning."""
+    bell = teg.exp(-x * x)
+    known = [
+        (INT(B(x > a) * bell, (x, -far, far)), -math.exp(-0.09)),
+        (INT(B(x > a) * bell, (x, far, -far)), math.exp(-0.09)),
+        (INT(B(2 * x > a) * x, (x, -far, 1)), -0.15 / 2),
+        (INT(B(x + y > a) * bell * teg.exp(-y * y), (x, -far, far), (y, -far, far)), -math.sqrt(math.pi / 2) * math.exp(-0.045)),
+        (INT(B(x + y > a) * teg.exp(x), (x, -far, 1), (y, 0, 1)), -math.exp(0.3) * (1 - math.exp(-1))),
+    ]
+    for e, slope in known:
+        assert gradient_of(e, {"a": 0.3}, backend)["a"] == pytest.approx(slope, rel=1e-10)
+
+
+@pytest.mark.parametrize("backend", ["interpreter", *BACKENDS])
+@pytest.mark.parametrize("far", LONG)
+def test_a_bound_that_is_far_leaves_digits_near_the_other_one(far: float, backend: str) -> None:
+    """The bound t, a parameter, is far away, and the other one a number near the root."""
+    slanting = -math.exp(0.3) * (1 - math.exp(-1))
+    known = [
+        (INT(B(x > a), (x, t, 1)), 0.7, -1.0),
+        (INT(B(x > a) * teg.exp(x), (x, t, 1)), math.e - math.exp(0.3), -math.exp(0.3)),
+        (INT(B(x > a) * teg.exp(x), (x, 1, t)), math.exp(0.3) - math.e, math.exp(0.3)),
+        (INT(B(x + y > a) * teg.exp(x), (x, t, 1), (y, 0, 1)), math.e + slanting, slanting),
+    ]
+    for e, value, slope in known:
+        at = {"a": 0.3, "t": -far}
+        assert teg.evaluate(e, at, backend="numpy" if backend == "interpreter" else backend) == pytest.approx(value, rel=1e-10)
+        assert gradient_of(e, at, backend)["a"] == pytest.approx(slope, rel=1e-10)
+
+
+def gradient_of(e: teg.Expr, at: dict[str, float], backend: str) -> dict[str, float]:
+    """The gradient, by a backend or the interpreter."""
+    if backend != "interpreter":
+        return teg.compile(e, backend=backend).grad(at)  # type: ignore[arg-type, no-any-return]
+    program = teg.compile(e).program(1)
+    outputs = interpret(program, [at[name] for name in program.parameters]).outputs
+    return dict(zip(teg.compile(e).parameters, outputs[1:], strict=True))

@@ -2,6 +2,8 @@
 
     g = g₀ + Σ aᵢ·(vᵢ - lᵢ)      with g₀ the value at the corner of the box, as the user wrote it, and aᵢ = ∂g/∂vᵢ
 
+The origin of a variable whose bounds are far apart is 0, or a bound near 0, not lᵢ: a line near 0 would be known to the rounding of lᵢ.
+
 Change of variables with u = g. At run time the variable v_k with the largest |aᵢ|·extent(vᵢ) is eliminated and the others run over their
 own ranges, vᵢ = lᵢ + sᵢ·(hᵢ - lᵢ) with sᵢ in (0, 1):
 
@@ -26,6 +28,7 @@ from teg.analysis.expanded import distance
 from teg.analysis.guards import middle_and_reach, support
 from teg.analysis.nest import Binder, Chain, nest, ranges_of
 from teg.analysis.polynomial import Point
+from teg.analysis.roots import NEAR, local_origin
 from teg.analysis.surfaces import below, free_of, is_affine, ordered, restrict, signed_between, signed_inside
 from teg.analysis.tails import is_unbounded
 from teg.ir import expr as ex
@@ -121,18 +124,19 @@ def rewrite_affine(g: Expr, coefficient: Expr, chain: Chain, data: Affine) -> Ex
     if ranges is None or not all(free_of(e, [r.var for r in others]) for b in chosen for e in (b.lo, b.hi)):
         return None
     corner = {b.var: lo for b, (lo, _) in zip(chosen, ranges, strict=True)}
+    origins = [local_origin(lo, hi) if len(chosen) == 1 or _may_be_long(lo, hi) else lo for lo, hi in ranges]
     extents = [distance(lo, hi) for lo, hi in ranges]
     if len(chosen) == 2 and not others:
         side = match_side(g, support(coefficient), (chosen[1].var, chosen[0].var))
         if side is not None:
             met = conjunction(*_meeting(g, coefficient, corner, extents))
             return _between_vertices(g, coefficient, chosen, ranges, side, met)
-    g0 = cast(Expr, substitute(g, corner))
+    g0 = cast(Expr, substitute(g, {b.var: o for b, o in zip(chosen, origins, strict=True)}))
     slopes = [cast(Expr, substitute(slope(g, b.var), corner)) for b in chosen]
     pivots = _pivot_conditions(slopes, extents)
     taken = set(coefficient.free) | set(g.free) | {v for b in chain for v in (b.var, *b.lo.free, *b.hi.free)}
     unit = [_next_unit(taken) for _ in chosen[1:]]
-    point, weight, guard = _chart(ranges, extents, slopes, g0, pivots, unit)
+    point, weight, guard = _chart(origins, extents, slopes, g0, pivots, unit)
     at = {b.var: p for b, p in zip(chosen, point, strict=True)}
     directions = tuple(reversed([b.var for b in chosen]))
     value = mul(weight, restrict(coefficient, at, g, directions))
@@ -146,7 +150,25 @@ def rewrite_affine(g: Expr, coefficient: Expr, chain: Chain, data: Affine) -> Ex
     if len(chosen) > 1 and not others:
         guard = conjunction(guard, *_meeting(g, coefficient, corner, extents))
     value = where(guard, value, ZERO)
-    return nest(value, (*(Binder(s, ZERO, ONE) for s in unit), *others))
+    return nest(value, (*_unit_binders(unit, pivots, origins, ranges), *others))
+
+
+def _may_be_long(lo: Expr, hi: Expr) -> bool:
+    """Returns whether a bound may be far away where the variable is near 0."""
+    numbers = [abs(e.data) for e in (lo, hi) if isinstance(e, Const)]
+    return max(numbers) > NEAR if len(numbers) == 2 else not isinstance(lo, Const) and bool(numbers) and numbers[0] <= NEAR
+
+
+def _unit_binders(unit: Sequence[Var], pivots: list[Cond], origins: Sequence[Expr], ranges: Sequence[tuple[Expr, Expr]]) -> list[Binder]:
+    """Returns the unit variables with their bounds, (0, 1) where the origin is the lower bound of what they stand for."""
+    ends: list[tuple[Expr, Expr]] = []
+    for o, (lo, hi) in zip(origins, ranges, strict=True):
+        if o is lo or o is hi:
+            ends.append((ZERO, ONE) if o is lo else (MINUS_ONE, ZERO))
+        else:
+            ends.append((div(sub(lo, o), distance(lo, hi)), div(sub(hi, o), distance(lo, hi))))
+    others = [[e for i, e in enumerate(ends) if i != k] for k in range(len(ends))]  # for each pivot
+    return [Binder(s, *(_select(pivots, [others[k][j][end] for k in range(len(ends))]) for end in (0, 1))) for j, s in enumerate(unit)]
 
 
 def _solved(g: Expr, coefficient: Expr, chain: Chain, chosen: Sequence[Binder]) -> Expr | None:
@@ -243,7 +265,7 @@ def _select(pivots: list[Cond], values: list[Expr]) -> Expr:
 
 
 def _chart(
-    ranges: Sequence[tuple[Expr, Expr]],
+    origins: Sequence[Expr],
     extents: list[Expr],
     slopes: list[Expr],
     g0: Expr,
@@ -251,7 +273,7 @@ def _chart(
     unit: list[Var],
 ) -> tuple[list[Expr], Expr, Cond]:
     """Returns each variable as a function of the unit variables, the weight, and the condition that there is a surface at all."""
-    n = len(ranges)
+    n = len(origins)
     others = [[i for i in range(n) if i != k] for k in range(n)]  # for each pivot
     pivot = _select(pivots, slopes)
     inverse = simplify.integer_power(pivot, -1)
@@ -267,7 +289,7 @@ def _chart(
             for j, step in enumerate(steps)
         ]
         away = _select(pivots, [offset if k == i else ZERO for k in range(n)])
-        point.append(add(ranges[i][0], away, *(mul(rate, s) for rate, s in zip(rates, unit, strict=True))))
+        point.append(add(origins[i], away, *(mul(rate, s) for rate, s in zip(rates, unit, strict=True))))
     weight = div(_select(pivots, [mul(*(extents[i] for i in others[k])) for k in range(n)]), _magnitude(pivot))
     return point, weight, positive(_magnitude(pivot))
 
