@@ -27,6 +27,8 @@ from teg.errors import CompilerError
 log = logging.getLogger("teg.backends.c")
 BASE_FLAGS = ("-std=c99", "-fPIC", "-shared", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math")
 NATIVE = "-march=native"
+MACHINE: tuple[str, ...] = (NATIVE,)
+"""Which processors a library is for. The key of the cache holds this machine's."""
 OPENMP = "-fopenmp"
 LIGHT = (
     "-fno-tree-dominator-opts",
@@ -52,7 +54,7 @@ def load_library(text: str, *, optimise: Sequence[str] = ("-O3",), openmp: bool 
     """Returns the library of `text`, from the cache if it is there; one that cannot be loaded is rebuilt, the second time outside of the
     cache."""
     compiler = find_compiler()
-    flags = (*optimise, *BASE_FLAGS, NATIVE, *((OPENMP,) if openmp else ()))
+    flags = (*optimise, *BASE_FLAGS, *MACHINE, *((OPENMP,) if openmp else ()))
     key = _key(text, compiler, flags)
     folder = cache_folder() / key
     trouble: OSError | None = None
@@ -71,8 +73,8 @@ def load_linked(kernel: str, functions: Sequence[str], binding: str, *, optimise
     the cache."""
     compiler = find_compiler()
     more = (OPENMP,) if openmp else ()
-    objects = [str(_object(kernel, compiler, (*optimise, *BASE_FLAGS, NATIVE, *more)))]
-    objects += [str(_object(text, compiler, (*OPTIMISE, *BASE_FLAGS, NATIVE))) for text in functions]
+    objects = [str(_object(kernel, compiler, (*optimise, *BASE_FLAGS, *MACHINE, *more)))]
+    objects += [str(_object(text, compiler, (*OPTIMISE, *BASE_FLAGS, *MACHINE))) for text in functions]
     return load_library(binding, optimise=(*OPTIMISE, *objects), openmp=openmp)
 
 

@@ -15,6 +15,7 @@ from teg.numerics.cell_integrals import integrals
 from teg.numerics.cells import Layout
 from teg.numerics.quadrature import gauss_legendre, triangle_rule
 
+pytestmark = pytest.mark.usefixtures("for_this_machine")
 Array = np.ndarray[Any, Any]
 CLIP, VISIT = "teg_clip_cell(r, k, region, extra);", "const int cut = r->pending[--waiting];"
 ENTRY = """

@@ -23,6 +23,7 @@ from teg.program.interpreter.arrays import interpret_arrays
 from tests.backends.c.test_cells import SCENES, guards, keys
 from tests.bench.rasteriser import Ours, overlapping, waves
 
+pytestmark = pytest.mark.usefixtures("for_this_machine")
 Array = np.ndarray[Any, Any]
 ENTRY = """
 int kept(const int *s, const double *rule, const double *gauss, int64_t n, const double *rows, const double *otherwise,

@@ -16,6 +16,7 @@ from tests.backends.c.test_cells import guards, keys, scattered
 from tests.backends.c.test_kept_cells import check, fan, kept_cells, numbers_of
 
 Array = np.ndarray[Any, Any]
+pytestmark = pytest.mark.usefixtures("for_this_machine")
 WAYS = {"eight": "", "four": "#undef __AVX512F__", "one": "#define TEG_NARROW"}
 """What the instructions of this machine are to be taken for; where it has no others, all ways are one."""
 MOST = LIMITS["TEG_PIECE"]
