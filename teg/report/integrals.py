@@ -8,10 +8,12 @@ from typing import Any
 from teg.analysis.isolation import MAX_ROOTS, max_roots
 from teg.analysis.roots import solve
 from teg.analysis.settings import Integration
+from teg.analysis.surfaces import binders_inside
 from teg.ir.expr import Expr
 from teg.ir.integral import Integral, masses_of
 from teg.numerics.sobol import replicated
 from teg.passes.intrinsics import STATEMENTS, intrinsics_for
+from teg.passes.lower.features import Features
 from teg.passes.lower.intrinsic import Description
 from teg.passes.lower.rules import Rules
 from teg.passes.lower.samples import MIDPOINTS, SAMPLES
@@ -27,6 +29,7 @@ class Integrals:
         self.intrinsics = intrinsics_for(how)
         self.rules = Rules(how, [i.rule for i in self.intrinsics if i.rule is not None])
         self.analysis = self.rules.analysis
+        self.features = Features(self.rules, lambda nodes: frozenset().union(*map(binders_inside, nodes)))
         self._described: dict[Integral, Description | None] = {}
 
     def of(self, roots: Sequence[Expr], but: Sequence[Expr] = ()) -> list[dict[str, Any]]:
@@ -72,7 +75,8 @@ class Integrals:
             counts = {"nodes": described.nodes, "degree": described.degree, "pieces": described.pieces}
             return {**row, **_unbroken(described.rule), **counts}
         rule, breaks = self.rules.of(node, depth), self.analysis.of(node)
-        formula, isolated, located = len(breaks.points), sum(i.count for i in breaks.isolated), MAX_ROOTS * len(breaks.located)
+        isolated, located = sum(i.count for i in breaks.isolated), MAX_ROOTS * len(breaks.located)
+        formula = len(breaks.points) + self.features.count(node, depth)
         return {
             **row,
             "kind": "integral",

@@ -277,12 +277,12 @@ class _Integrals:
     def _without_peaks(self, group: Sequence[Integral], known: Sequence[Sharp]) -> list[Sharp]:
         """Returns the sharp values without narrow Gaussians (exponentials of quadratics that open downwards), which are breaks."""
         x, inner = group[0].var, self.out.binders([i.body for i in group])
-        quadratic = self.pieces.exponentials(group)[1]
+        quadratic = self.pieces.features.exponentials(group)[1]
         rest = []
         for s in known:
             value = s.value
             if isinstance(value, Call) and value.name == "exp" and self.guards.degrees.of(value.children[0], x) == 2:
-                pair = self.pieces.quadratic(value, x, inner)
+                pair = self.pieces.features.quadratic(value, x, inner)
                 if pair is not None and pair in quadratic:
                     value = where(positive(mul(MINUS_ONE, pair[1])), ONE, value)
             if x in value.free or s.wave:

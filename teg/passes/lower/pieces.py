@@ -16,25 +16,24 @@ from typing import cast
 
 from teg.analysis.breaks import MAX_BENDS, Breaks
 from teg.analysis.calculus import slope
-from teg.analysis.centres import NARROW, Centre, Centres
-from teg.analysis.polynomial import Shadow
+from teg.analysis.centres import NARROW, Centre
 from teg.analysis.projection import Turn
 from teg.analysis.roots import local_origin
 from teg.analysis.surfaces import atoms_of
 from teg.analysis.tails import infinite_ends, is_unbounded
 from teg.errors import NotDifferentiableError
-from teg.ir.expr import MINUS_ONE, ONE, TRUE, ZERO, Call, Compare, Cond, Expr, Var, const
+from teg.ir.expr import MINUS_ONE, ONE, TRUE, Call, Compare, Cond, Expr, Var, const
 from teg.ir.integral import Integral, PointMasses
 from teg.ir.node import postorder
 from teg.ir.simplify import add, call, conjunction, disjunction, div, mul, positive, sub, where
 from teg.ir.traverse import substitute
 from teg.passes.lower.emit import NAN, Emitter
+from teg.passes.lower.features import Features
 from teg.passes.lower.levels import Level
 from teg.passes.lower.roots import Roots
 from teg.passes.lower.rules import Rules
 from teg.program import INFINITE, TIE_EPS, Adaptive, Arg, Bend, Rule
 
-MAX_SCALES = 4
 PEAK = 8.5
 """A Gaussian is 0 to rounding beyond this many standard deviations: exp(-8.5²/2) = 2e-16."""
 RESOLVED = 64 * 2.0**-52
@@ -49,7 +48,8 @@ class Pieces:
     def __init__(self, out: Emitter, rules: Rules, roots: Roots) -> None:
         self.out, self.rules, self.roots = out, rules, roots
         self.analysis = rules.analysis
-        self.centres = Centres(self.analysis.degrees, self.analysis.key)
+        self.features = Features(rules, out.binders)
+        self.centres = self.features.centres
 
     def of(self, group: Sequence[Integral], home: Level, when: str | None) -> tuple[Arg, Arg, tuple[Arg, ...]]:
         """Returns the lower bound, the upper bound, and the breaks between them."""
@@ -58,8 +58,7 @@ class Pieces:
         lo, hi = self.out.number(node.lo, home), self.out.number(node.hi, home)
         breaks = tuple(self.out.number(p, home) for p in analysis.points)
         breaks += self._peaks(group, home) + self._centres(group, home)
-        ends = [turn for turn in analysis.bends if turn.kind == "end"]
-        if not is_unbounded(node) and (len(ends) > 1 or any(Shadow((node.var,)).degree(turn.function) == 2 for turn in ends)):
+        if self.features.ends_at_both(node):
             breaks += (self.out.number(mul(const(0.5), add(node.lo, node.hi)), home),)  # no piece is singular at both ends
         decisive = self._decisive(group, home)
         bounded = not any(turn.kind in ("pole", "end") for turn in analysis.bends)
@@ -97,54 +96,13 @@ class Pieces:
             kept.append(self.out.assign(home, "select", self.out.truths(matters, at_root)[0], root, NAN))
         return tuple(kept)
 
-    def exponentials(self, group: Sequence[Integral]) -> tuple[list[Expr], list[tuple[Expr, Expr]]]:
-        """Returns the rates of linear exponents in the integrands, and slope at 0 and curvature of the quadratic ones."""
-        x, bodies = group[0].var, [i.body for i in group]
-        inner = self.out.binders(bodies)
-        linear: dict[Expr, None] = {}
-        quadratic: dict[tuple[Expr, Expr], None] = {}
-        for node in postorder(bodies):
-            if not isinstance(node, Call) or node.name != "exp" or x not in node.free:
-                continue
-            pair = self.quadratic(node, x, inner)
-            if pair is None:
-                continue
-            if pair[1] is ZERO:
-                linear[pair[0]] = None
-            else:
-                quadratic[pair] = None
-        return list(linear)[:MAX_SCALES], list(quadratic)[:MAX_SCALES]
-
-    def quadratic(self, node: Call, x: Var, inner: frozenset[Var]) -> tuple[Expr, Expr] | None:
-        """Returns slope at 0 and curvature of the exponent of an exponential of a linear or quadratic polynomial; curvature ZERO for a
-        linear one."""
-        exponent = self._at_ridge(node.children[0], inner)
-        degree = Shadow((x,)).degree(exponent)
-        if degree not in (1, 2):
-            return None
-        rate = slope(exponent, x)
-        at_0, curvature = (cast(Expr, substitute(e, {x: ZERO})) for e in (rate, slope(rate, x)))
-        if (at_0.free | curvature.free) & inner:
-            return None
-        return at_0, ZERO if degree == 1 else curvature
-
-    def _at_ridge(self, exponent: Expr, inner: frozenset[Var]) -> Expr:
-        """Returns an exponent that is quadratic in variables of inner integrals, at its stationary point in these."""
-        for v in [v for v in inner if v in exponent.free]:
-            if Shadow((v,)).degree(exponent) != 2:
-                return exponent
-            rate = slope(exponent, v)
-            at_0, curvature = (cast(Expr, substitute(e, {v: ZERO})) for e in (rate, slope(rate, v)))
-            exponent = cast(Expr, substitute(exponent, {v: div(mul(MINUS_ONE, at_0), curvature)}))
-        return exponent
-
     def _peaks(self, group: Sequence[Integral], home: Level) -> tuple[Arg, ...]:
         """Returns the middle and the ends of each narrow Gaussian in an integrand. Nodes of the whole range would miss it."""
         node = group[0]
         if all(self.rules.is_exact(i, home.depth) for i in group):
             return ()
         places: list[Arg] = []
-        for rate, curvature in self.exponentials(group)[1]:
+        for rate, curvature in self.features.exponentials(group)[1]:
             width = div(const(PEAK), call("root", curvature))
             middle = div(mul(MINUS_ONE, rate), curvature)
             narrow: Cond = positive(mul(MINUS_ONE, curvature))
@@ -204,7 +162,7 @@ class Pieces:
         whose width is less than RESOLVED of its place, or a function with bends whose coefficients are no numbers."""
         node, out = group[0], self.out
         found: list[Cond] = []
-        for rate, curvature in self.exponentials(group)[1]:
+        for rate, curvature in self.features.exponentials(group)[1]:
             middle, width = div(mul(MINUS_ONE, rate), curvature), div(ONE, call("root", mul(const(-1.0), curvature)))
             bounds = zip((1.0, -1.0), (node.lo, node.hi), infinite_ends(node), strict=True)
             inside = [positive(mul(const(sign), sub(middle, bound))) for sign, bound, end in bounds if not end]
@@ -221,7 +179,7 @@ class Pieces:
     def scale(self, group: Sequence[Integral], home: Level) -> Arg:
         """Returns the length of tails, on which an exponential in the integrands falls off; else the least width of a centre; 1 if there is
         none."""
-        linear, quadratic = self.exponentials(group)
+        linear, quadratic = self.features.exponentials(group)
         scales = [div(ONE, call("magnitude", rate)) for rate in linear] + [div(ONE, call("root", c)) for _, c in quadratic]
         scales = scales or [c.width for i in group for c in self.centres.of(i)]
         smallest = [self.out.number(s, home) for s in dict.fromkeys(scales)]

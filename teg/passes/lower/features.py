@@ -1,0 +1,93 @@
+"""Features of integrands that nodes of the whole range would miss: what they are, and how many breaks they add.
+
+exponentials      of linear and quadratic polynomials; a narrow Gaussian adds a break in its middle and at both ends
+centres           around which an integrand on an infinite range has its features, or where those of inner integrals meet
+two ends          a piece that is singular at both ends is cut in the middle
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from math import comb
+from typing import cast
+
+from teg.analysis.calculus import slope
+from teg.analysis.centres import Centres
+from teg.analysis.polynomial import Shadow
+from teg.analysis.tails import infinite_ends, is_unbounded
+from teg.ir.expr import MINUS_ONE, ZERO, Call, Expr, Var
+from teg.ir.integral import Integral
+from teg.ir.node import Node, postorder
+from teg.ir.simplify import div, mul
+from teg.ir.traverse import substitute
+from teg.passes.lower.rules import Rules
+
+MAX_SCALES = 4
+
+
+class Features:
+    """Features of the integrals of one program. `binders` returns the variables of the integrals inside of nodes."""
+
+    def __init__(self, rules: Rules, binders: Callable[[Sequence[Node]], frozenset[Var]]) -> None:
+        self.rules, self.binders = rules, binders
+        self.analysis = rules.analysis
+        self.centres = Centres(self.analysis.degrees, self.analysis.key)
+
+    def count(self, node: Integral, depth: int) -> int:
+        """Returns how many breaks the features of an integral add to those of its surfaces."""
+        middle = int(self.ends_at_both(node))
+        finite = infinite_ends(node).count(0.0)
+        if self.rules.is_exact(node, depth):
+            return middle + (finite == 0)
+        peaks, met = 3 * len(self.exponentials([node])[1]), len(self.centres.met(node))
+        if not is_unbounded(node):
+            return middle + peaks + met + comb(met, 2)
+        centres = len(self.centres.of(node))
+        between = comb(finite + centres, 2) if met else 0
+        return peaks + (centres + between if finite + centres else 1)
+
+    def ends_at_both(self, node: Integral) -> bool:
+        """Returns whether an integrand may be singular at both ends of a piece of a finite range."""
+        ends = [turn for turn in self.analysis.of(node).bends if turn.kind == "end"]
+        return not is_unbounded(node) and (len(ends) > 1 or any(Shadow((node.var,)).degree(turn.function) == 2 for turn in ends))
+
+    def exponentials(self, group: Sequence[Integral]) -> tuple[list[Expr], list[tuple[Expr, Expr]]]:
+        """Returns the rates of linear exponents in the integrands, and slope at 0 and curvature of the quadratic ones."""
+        x, bodies = group[0].var, [i.body for i in group]
+        inner = self.binders(bodies)
+        linear: dict[Expr, None] = {}
+        quadratic: dict[tuple[Expr, Expr], None] = {}
+        for node in postorder(bodies):
+            if not isinstance(node, Call) or node.name != "exp" or x not in node.free:
+                continue
+            pair = self.quadratic(node, x, inner)
+            if pair is None:
+                continue
+            if pair[1] is ZERO:
+                linear[pair[0]] = None
+            else:
+                quadratic[pair] = None
+        return list(linear)[:MAX_SCALES], list(quadratic)[:MAX_SCALES]
+
+    def quadratic(self, node: Call, x: Var, inner: frozenset[Var]) -> tuple[Expr, Expr] | None:
+        """Returns slope at 0 and curvature of the exponent of an exponential of a linear or quadratic polynomial; curvature ZERO for a
+        linear one."""
+        exponent = self._at_ridge(node.children[0], inner)
+        degree = Shadow((x,)).degree(exponent)
+        if degree not in (1, 2):
+            return None
+        rate = slope(exponent, x)
+        at_0, curvature = (cast(Expr, substitute(e, {x: ZERO})) for e in (rate, slope(rate, x)))
+        if (at_0.free | curvature.free) & inner:
+            return None
+        return at_0, ZERO if degree == 1 else curvature
+
+    def _at_ridge(self, exponent: Expr, inner: frozenset[Var]) -> Expr:
+        """Returns an exponent that is quadratic in variables of inner integrals, at its stationary point in these."""
+        for v in [v for v in inner if v in exponent.free]:
+            if Shadow((v,)).degree(exponent) != 2:
+                return exponent
+            rate = slope(exponent, v)
+            at_0, curvature = (cast(Expr, substitute(e, {v: ZERO})) for e in (rate, slope(rate, v)))
+            exponent = cast(Expr, substitute(exponent, {v: div(mul(MINUS_ONE, at_0), curvature)}))
+        return exponent
