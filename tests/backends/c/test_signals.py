@@ -130,25 +130,42 @@ def test_any_handler_runs_in_the_middle_of_a_call_and_need_not_stop_it() -> None
 
 @pytest.mark.slow
 def test_a_call_in_another_thread_goes_on() -> None:
-    """Only Python's main thread is interrupted; the kernel that a pool runs at that time gives its result."""
+    """Only Python's main thread is interrupted; the kernel that another thread runs at that time gives its result. A signal between two
+    calls of that thread says nothing, so it is sent again."""
     lines = run(
         """
+        many = np.linspace(0.3, 0.9, 2 * 10**4)
         f = teg.compile(teg.integral(disk, *square), backend="c")
-        wanted = f(t=np.linspace(0.3, 0.9, 5 * 10**4), a=1.0)
-        found = []
-        worker = threading.Thread(target=lambda: found.append(f(t=np.linspace(0.3, 0.9, 5 * 10**4), a=1.0)))
+        wanted = f(t=many, a=1.0)
+        calls, over = [], threading.Event()
+        def work():
+            while not over.is_set():
+                begun = time.perf_counter()
+                right = (f(t=many, a=1.0) == wanted).all()
+                calls.append((begun, time.perf_counter(), right))
+        worker = threading.Thread(target=work)
         g = teg.compile(teg.integral(disk, *square), backend="c", rule="qmc", order=2**33)
-        sent = signalled(0.2)
         worker.start()
-        try:
-            g(t=0.5, a=1.0)
-        except KeyboardInterrupt:
-            print("stopped", worker.is_alive())
+        met = False
+        for attempt in range(20):
+            try:
+                sent = signalled(0.2)
+                g(t=0.5, a=1.0)
+            except KeyboardInterrupt:
+                stopped = time.perf_counter()
+            seen = len(calls)
+            while worker.is_alive() and len(calls) < seen + 2:  # those that were going on have ended
+                time.sleep(0.01)
+            met = any(begun < sent[0] < ended for begun, ended, _ in calls)
+            if met or not worker.is_alive():
+                break
+        print("alive", worker.is_alive(), met, stopped > sent[0])
+        over.set()
         worker.join()
-        print((found[0] == wanted).all())
+        print(all(right for *_, right in calls))
         """
     )
-    assert lines == [["stopped", "True"], ["True"]]
+    assert lines == [["alive", "True", "True", "True"], ["True"]]
 
 
 def test_python_runs_in_other_threads_during_a_call() -> None:
