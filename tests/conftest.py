@@ -30,8 +30,13 @@ QUICK_IN_JAX = (
 )
 """Where JAX is tested in the quick run too: XLA takes half a second to some seconds for each program."""
 
-THOROUGH = tuple(line for line in (Path(__file__).parent / "thorough.txt").read_text().splitlines() if not line.startswith("#"))
-"""The tests that take longest: `make thorough` runs them too."""
+
+def _names(file: str) -> frozenset[str]:
+    return frozenset(line for line in (Path(__file__).parent / file).read_text().splitlines() if not line.startswith("#"))
+
+
+THOROUGH, SLOW = _names("thorough.txt"), _names("slow.txt")
+"""The tests that only `make thorough` runs, and those that `make fast` leaves out: tests, or functions for all of their cases."""
 
 AS_RELEASED = kernel.OPTIMISATION, build.OPTIMISE, build.MACHINE
 """The C compiler's flags when no test has changed them."""
@@ -51,11 +56,13 @@ def pytest_collection() -> Generator[None, object, object]:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """What is compiled by XLA is slow, but for the tests of the backend itself."""
+    """What is compiled by XLA is slow, but for the tests of the backend itself; so is what is listed."""
     for item in items:
-        if "jax" in item.nodeid.lower() and not any(name in item.nodeid for name in QUICK_IN_JAX):
+        name = item.nodeid.removeprefix("tests/")
+        names = {name, name.partition("[")[0]}
+        if not names.isdisjoint(SLOW) or ("jax" in name.lower() and not any(part in name for part in QUICK_IN_JAX)):
             item.add_marker(pytest.mark.slow)
-        if any(name in item.nodeid for name in THOROUGH):
+        if not names.isdisjoint(THOROUGH):
             item.add_marker(pytest.mark.slow)
             item.add_marker(pytest.mark.thorough)
 

@@ -38,11 +38,13 @@ def test_the_picture_is_what_rays_see(scene: Scene) -> None:
     x, y = np.meshgrid(ticks, ticks)
     nearest, colour = np.full(x.shape, np.inf), np.full(x.shape, BACKGROUND)
     for face, grey in zip(scene.faces, scene.colours, strict=True):
+        columns, rows = (slice(*np.searchsorted(ticks, [p[face].min(), p[face].max()])) for p in (px, py))
+        rays = x[rows, columns]
         corners = np.stack([np.ones(3), px[face], py[face]])
-        weights = np.linalg.solve(corners, np.stack([np.ones(x.size), x.ravel(), y.ravel()])).reshape(3, *x.shape)
+        weights = np.linalg.solve(corners, np.stack([np.ones(rays.size), rays.ravel(), y[rows, columns].ravel()])).reshape(3, *rays.shape)
         at = -(weights / depth[face][:, None, None]).sum(axis=0)  # -1/depth
-        hit = (weights >= 0).all(axis=0) & (at < nearest)
-        nearest[hit], colour[hit] = at[hit], grey
+        hit = (weights >= 0).all(axis=0) & (at < nearest[rows, columns])
+        nearest[rows, columns][hit], colour[rows, columns][hit] = at[hit], grey
     sampled = colour.reshape(SIZE, many, SIZE, many).mean(axis=(1, 3))
     np.testing.assert_allclose(scene.picture(TRUE), sampled, atol=4e-3)
 

@@ -154,13 +154,13 @@ def test_pictures_with_and_without_moments(kind: str) -> None:
             np.testing.assert_allclose(slopes[name], exact[name], rtol=0, atol=2e-13 * size, err_msg=place)
 
 
-@pytest.mark.parametrize("backend", ["numpy", "jax"])
-def test_every_backend_adds_up_moments(backend: str, request: pytest.FixtureRequest) -> None:
+@pytest.mark.parametrize(("backend", "kind"), [("numpy", "linear"), ("jax", "constant")])
+def test_every_backend_adds_up_moments(backend: str, kind: str, request: pytest.FixtureRequest) -> None:
     if backend == "jax":
         pytest.importorskip("jax")
         request.getfixturevalue("x64")
-    e, wrt = picture("linear")
-    data = scene("linear", "on the grid", 3)
+    e, wrt = picture(kind)
+    data = scene(kind, "on the grid", 3)
     ours, theirs = (teg.compile(e, wrt, backend=b).value_and_grad(data) for b in ("c", backend))
     assert ours[0] == pytest.approx(theirs[0], rel=1e-13)
     for leaf in ("V", "C"):
