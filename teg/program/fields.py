@@ -118,11 +118,11 @@ def _nesting(cls: type) -> tuple[Declared, ...]:
 
 def flat(value: object) -> Iterator[Any]:
     """Yields the entries of a tuple, of the tuples in it, and so on; None has no entries."""
-    if isinstance(value, tuple):
-        for entry in value:
+    for entry in value if isinstance(value, tuple) else (value,):
+        if isinstance(entry, tuple):
             yield from flat(entry)
-    elif value is not None:
-        yield value
+        elif entry is not None:
+            yield entry
 
 
 def leaves(node: object) -> Iterator[tuple[Operand | Variable | Result, Any]]:

@@ -103,8 +103,10 @@ class _Verifier:
         """Check one statement, before which some names are known; returns the names it gives."""
         scopes: dict[str, Known] = {"": known}
         made: dict[str, Known] = {}
+        names = list(leaves(stmt))
+        variables = [(r, v) for r, v in names if isinstance(r, Variable)]
         for name, role, block in inner_blocks(stmt):
-            own = {v: r.kind for r, v in leaves(stmt) if isinstance(r, Variable) and name in r.blocks}
+            own = {v: r.kind for r, v in variables if name in r.blocks}
             for v in own:
                 self.check(v not in known and v not in self.given, f"the variable {v} has another meaning here", stmt)
             outside = known | own
@@ -112,12 +114,12 @@ class _Verifier:
                 outside |= made[other]
             made[name] = self.block(block, outside)
             scopes[name] = outside | made[name]
-        for operand, arg in leaves(stmt):
+        for operand, arg in names:
             if isinstance(operand, Operand):
                 self.operand(arg, operand, scopes[operand.at], stmt)
         self.lengths(stmt)
         self.own(stmt, known)
-        results = [(name, result) for result, name in leaves(stmt) if isinstance(result, Result)]
+        results = [(name, result) for result, name in names if isinstance(result, Result)]
         return {name: self.result(name, result, known, made, stmt) for name, result in results}
 
     def result(self, name: str, role: Result, known: Known, made: dict[str, Known], stmt: object) -> Kind:
