@@ -3,8 +3,8 @@
     python -m pytest -n auto -m "not thorough" -p tests.durations
 
 Quick are tests of less than EACH seconds, and of those that take more the shortest of each function and backend, if it takes less than
-FIRST; the shortest two of a file are quick in any case. So everything that has a test keeps a quick one. A line of the list is a test, or a
-function whose tests are all slow.
+FIRST; the shortest two of a file are quick in any case, and so are those of `mutation/alone.txt`. A line of the list is a test, or a function
+whose tests are all slow.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ import pytest
 EACH, FIRST = 0.2, 0.5
 LEAST = 2
 LIST = Path(__file__).parent / "slow.txt"
+ALONE = frozenset((Path(__file__).parent / "mutation" / "alone.txt").read_text().splitlines())
 HEADER = """\
 # Tests that `make test` runs and `make fast` leaves out, for what they take: `tests/durations.py` writes this list. Tests with the mark
 # `slow` and those of `thorough.txt` are left out as well.
@@ -31,7 +32,7 @@ def shortest_first(durations: Mapping[str, float]) -> list[str]:
 
 def quick(durations: Mapping[str, float]) -> set[str]:
     """Returns the tests of the quick run."""
-    chosen = {name for name, seconds in durations.items() if seconds < EACH}
+    chosen = {name for name, seconds in durations.items() if seconds < EACH or name in ALONE}
     files: dict[str, list[str]] = defaultdict(list)
     families: set[tuple[str, str]] = set()
     for name in shortest_first(durations):
