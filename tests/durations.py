@@ -3,8 +3,8 @@
     python -m pytest -n auto -m "not thorough" -p tests.durations
 
 Quick are tests of less than EACH seconds, and of those that take more the shortest of each function and backend, if it takes less than
-FIRST; the shortest two of a file are quick in any case, and so are those of `mutation/alone.txt`. A line of the list is a test, or a function
-whose tests are all slow.
+FIRST; the shortest two of a file are quick in any case, and so are those of `mutation/alone.txt`. A line of the list is a test, or a
+function whose tests are all slow.
 """
 
 from __future__ import annotations
