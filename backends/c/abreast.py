@@ -45,7 +45,7 @@ def is_abreast(stmt: Integrate) -> bool:
     """Returns whether an integrand is short arithmetic, with functions that have no branches, and a rule of enough nodes."""
     match stmt.rule:
         case Adaptive():
-            many = not stmt.watch
+            many = not stmt.watch and not stmt.rule.closed
         case Gauss(nodes):
             many = nodes >= FEWEST
         case _:

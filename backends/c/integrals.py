@@ -109,7 +109,8 @@ class Integrals:
                 at = spell(bend.when), [spell(c) for c in bend.coefficients]
                 return rational_piece(block, rule, at, spell(stmt.base), Sums(count, len(stmt.estimates), 0, estimated, counted))
             case Adaptive() as rule:
-                self.routines.measured |= {rule.order} if stmt.watch else {rule.first, rule.order}
+                self.routines.measured |= {rule.order} if stmt.watch or rule.closed else {rule.first, rule.order}
+                self.routines.closed |= {rule.order} if rule.closed else set()
                 bent = bool(stmt.bends) or stmt.infinite
                 way: list[str] = []
                 if bent:
@@ -177,6 +178,7 @@ def _arrays_of(stmt: Integrate, frame: Frame, abreast: Abreast | None, most: int
         arrays += frame.array("plain", len(stmt.values) - stmt.tested) if len(stmt.values) > stmt.tested else []
         arrays += frame.array("whole", stmt.tested)
         arrays += frame.array("spent", stmt.tested)
+        arrays += frame.array("apart", 2 * stmt.tested) if stmt.rule.closed else []
     if stmt.guard is not None and isinstance(stmt.rule, Adaptive):
         arrays += frame.array("above", (MAX_DEPTH + 1) * stmt.tested)
         arrays += frame.array("seen_at", len(stmt.guard.seen) * max(stmt.rule.first, stmt.rule.order))

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 from teg.backends.c.abreast import Nodes
 from teg.backends.c.text import each, identifiers, indent, literal
-from teg.numerics.quadrature import decay_power, gauss_legendre, null_rules
-from teg.program import INSIDE, Adaptive, Bend, Isolate, assigned
+from teg.numerics.quadrature import decay_power, end_rule, gauss_legendre, null_rules
+from teg.program import END_INSIDE, INSIDE, Adaptive, Bend, Isolate, assigned
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,16 +139,18 @@ def bent_piece(bends: Sequence[tuple[Bend, str, Sequence[str]]], base: str, cubi
 def adaptive_piece(block: Sequence[str] | Nodes, rule: Adaptive, sums: Sums, places: Places, guard: GuardText | None = None) -> list[str]:
     """Add the adaptive rule over (p, q) to `sum`, from the left; `waiting` is a stack of intervals.
 
-    `block` writes the values at x to `f`, then the watched signs. If there are any, k runs over the ends of the interval (-2, -1) before
-    the nodes, where nothing is noted, and stops where a sign changed and the interval will be halved anyway.
+    `block` writes the values at x to `f`, then the watched signs. If there are any, or the rule is closed, k runs over the ends of the
+    interval (-2, -1) before the nodes, where nothing is noted, and stops where a sign changed and the interval will be halved anyway.
     """
     count, tested, watched = sums.count, sums.tested, sums.watched
-    place = _place_in_interval(rule, places.bent, watched)
+    aside = watched > 0 or rule.closed
+    place = _place_in_interval(rule, places.bent, aside)
     whole = "whole" if guard is None else "above + here.depth * " + str(tested)
     table, good = _assessed(rule, sums, whole, places)
-    before, after = _watched_signs(count, watched, places.noted)
-    node = "(k < 0 ? 2 * k + 3 : table[k].node)" if watched else "table[k].node"
-    unknown = ["const int tied = ctx->tied, missed = ctx->missed;"] if watched and places.noted else []
+    before, after = _at_the_ends(rule, sums, places.noted)
+    end = f"(2 * k + 3) * {1.0 - 2.0 * END_INSIDE!r}" if rule.closed else "2 * k + 3"
+    node = f"(k < 0 ? {end} : table[k].node)" if aside else "table[k].node"
+    unknown = ["const int tied = ctx->tied, missed = ctx->missed;"] if aside and places.noted else []
     first, inside = nodes_of(block, "nodes", [f"const double u = middle + half * {node};", *place, *unknown], "slope")
     return [
         *(["const int neighbours = teg_neighbours(ends, pieces, i, outside);"] if places.broken else []),
@@ -163,21 +165,23 @@ def adaptive_piece(block: Sequence[str] | Nodes, rule: Adaptive, sums: Sums, pla
             "const int last = deep || ctx->work > TEG_MAX_EVALUATIONS;",
             *table,
             "ctx->work += nodes;",
-            *([f"ctx->evaluations += nodes + {2 * (watched > 0)};"] if sums.counted else []),
+            *([f"ctx->evaluations += nodes + {2 * aside};"] if sums.counted else []),
             *_cleared(count, tested),
             *before,
             *first,
-            f"for (int k = {-2 if watched else 0}; k < nodes; k++) {{",
+            f"for (int k = {-2 if aside else 0}; k < nodes; k++) {{",
             *indent(
                 *inside,
                 *after,
                 *([] if guard is None else [_each(guard.sharp, f"seen_at[{guard.sharp} * k + j] = f[{count + watched} + j];")]),
                 "const double *const rule = table[k].rule;",
                 *_added(count, tested),
+                *([_each(2 * tested, f"apart[j] -= teg_ends_{rule.order}[k][j % 2] * (slope * f[j / 2]);")] if rule.closed else []),
             ),
             "}",
+            *([f"teg_at_ends({tested}, measured, apart, teg_ends_{rule.order}[nodes][0]);"] if rule.closed else []),
             *_judged(tested, watched, good, None if guard is None else _searched(guard, place, tested, whole, literal(rule.tol))),
-            *_halved_or_accepted(tested, watched, "whole[j]" if guard is None else f"({whole})[j]", guard is not None),
+            *_halved_or_accepted(rule, sums, "whole[j]" if guard is None else f"({whole})[j]", guard is not None),
             *(_rounding_within(place) if sums.estimated else []),
             *_taken(count, tested, sums.estimated),
         ),
@@ -204,32 +208,36 @@ def _rounding_within(place: Sequence[str]) -> list[str]:
     ]
 
 
-def _place_in_interval(rule: Adaptive, bent: bool, watched: int) -> list[str]:
+def _place_in_interval(rule: Adaptive, bent: bool, aside: bool) -> list[str]:
     """Returns lines that set x at the place u of (0, 1), and `slope`, by which the weights of the nodes are multiplied."""
     if bent:
         return ["double slope;", "x = teg_place(&way, u, &slope);", "slope *= half;"]
     place = ["const double slope = half * (q - p);", "x = p + (q - p) * u;"]
     if rule.cubic:
         place = ["const double slope = half * (q - p) * (6.0 * u * (1.0 - u));", "x = p + (q - p) * (u * u * (3.0 - 2.0 * u));"]
-    return [*place, "x = teg_within(p, q, x);"] if watched else place
+    return [*place, "x = teg_within(p, q, x);"] if aside else place
 
 
 def _assessed(rule: Adaptive, sums: Sums, whole: str, places: Places) -> tuple[list[str], str]:
     """Returns lines that choose the table of nodes, and the condition under which the measurements are good enough.
 
-    The first look has a rule of its own, unless signs are watched.
+    The first look has a rule of its own, unless there is none.
     """
-    first, power = map(decay_power, (rule.first, rule.order))
-    powers = str(power) if sums.watched or first == power else f"(used == 1 ? {first} : {power})"
+    first, power = (decay_power(n, rule.closed) for n in (rule.first, rule.order))
+    single = sums.watched > 0 or rule.closed
+    powers = str(power) if single or first == power else f"(used == 1 ? {first} : {power})"
     rough = ["way.kind == TEG_POWER"] if places.ends else []
     if places.broken:
         rough += ["((neighbours & 1) && here.from == 0.0)", "((neighbours & 2) && here.to == 1.0)"]
     choice = [f"const int power = {' || '.join(rough)} ? 0 : {powers};"] if rough else []
-    good = f"teg_assess({sums.tested}, measured, {whole}, {literal(rule.tol)}, {'power' if rough else powers})"
-    if sums.watched:
+    apart = "apart" if rule.closed else "NULL"
+    good = f"teg_assess({sums.tested}, measured, {apart}, {whole}, {literal(rule.tol)}, {'power' if rough else powers})"
+    if single:
         table = [f"const int nodes = {rule.order};", f"const teg_node *const table = teg_nodes_{rule.order};"]
+        if not sums.watched:
+            return [*table, *choice], good
         # it writes the errors of any interval that is taken
-        return [*table, *choice], f"(changed && !fine && !last ? 0 : ({good} & !changed) | (changed & fine))"
+        return [*table, *choice], f"({good} && !changed) || (changed && fine)"
     table = [
         f"const int nodes = used == 1 ? {rule.first} : {rule.order};",
         f"const teg_node *const table = used == 1 ? teg_nodes_{rule.first} : teg_nodes_{rule.order};",
@@ -237,17 +245,21 @@ def _assessed(rule: Adaptive, sums: Sums, whole: str, places: Places) -> tuple[l
     return [*table, *choice], good
 
 
-def _watched_signs(count: int, watched: int, noted: bool) -> tuple[list[str], list[str]]:
+def _at_the_ends(rule: Adaptive, sums: Sums, noted: bool) -> tuple[list[str], list[str]]:
     """Returns lines before the nodes of an interval and behind the values at a node: they note whether a watched sign has `changed`, or is
-    `hidden` by rounding."""
+    `hidden` by rounding, and the values at the ends for a closed rule."""
+    count, watched = sums.count, sums.watched
+    forgotten = ["if (k < 0) ctx->tied = tied, ctx->missed = missed;"] if noted else []
+    kept = [f"if (k < 0) {_each(sums.tested, 'apart[2 * j + k + 2] = slope * f[j];')}"] if rule.closed else []
     if not watched:
-        return [], []
+        return [], [*forgotten, *kept, "if (k < 0) continue;"] if rule.closed else []
     before = ["const int fine = here.to - here.from <= TEG_WATCH_WIDTH;", f"int changed = 0, hidden = 0, seen[{watched}] = {{0}};"]
     return before, [
         f"for (int j = 0; j < {watched}; j++) changed |= (seen[j] |= (f[{count} + j] > 0.0) + 2 * (f[{count} + j] < 0.0)) == 3;",
-        *(["if (k < 0) ctx->tied = tied, ctx->missed = missed;"] if noted else []),
+        *forgotten,
         "if (changed && !fine && !last && used > 1) break;",
         _each(watched, f"hidden |= f[{count} + j] == 0.0;"),
+        *kept,
         "if (k < 0) continue;",
     ]
 
@@ -266,12 +278,13 @@ def _judged(tested: int, watched: int, good: str, searched: Sequence[str] | None
     ]
 
 
-def _halved_or_accepted(tested: int, watched: int, whole: str, guarded: bool) -> list[str]:
+def _halved_or_accepted(rule: Adaptive, sums: Sums, whole: str, guarded: bool) -> list[str]:
     """Returns lines that put both halves of an interval that is not good on the stack, or note what is missed if it is the last one.
 
-    The first look at a piece, which has fewer nodes, is followed by another one at all of it, unless signs are watched.
+    The first look at a piece, which has fewer nodes, is followed by another one at all of it, unless there is none.
     """
-    again = [] if watched else ["if (used == 1) {", *indent("waiting[n++] = here;", "continue;"), "}"]
+    tested, watched = sums.tested, sums.watched
+    again = [] if watched or rule.closed else ["if (used == 1) {", *indent("waiting[n++] = here;", "continue;"), "}"]
     unchanged = "!changed && !hidden && " if watched else ""
     hidden = "if (!(hidden_size[j] <= measured[8 * j + 1])) measured[8 * j + 1] = isnan(hidden_size[j]) ? INFINITY : hidden_size[j];"
     diverges = f"{unchanged}isfinite(measured[8 * j + 1]) && measured[8 * j + 7] > TEG_DIVERGENT * {whole}"
@@ -426,3 +439,11 @@ def node_table(nodes: int) -> str:
         first, second = (", ".join(map(repr, part)) for part in (rule[:4], (*rule[4:], rule[0])))
         rows += [f"    {{{x!r},", f"     {{{first},", f"      {second}}}}},"]
     return "\n".join([f"static const teg_node teg_nodes_{nodes}[{nodes}] = {{", *rows, "};"])
+
+
+def end_table(nodes: int) -> str:
+    """Returns the weights of n nodes in what a polynomial through them is at both ends; behind them, twice, the distance of the outermost
+    node from an end."""
+    gap, rows = end_rule(nodes, END_INSIDE)
+    lines = [f"    {{{left!r}, {right!r}}}," for left, right in (*zip(*rows, strict=True), (gap, gap))]
+    return "\n".join([f"static const double teg_ends_{nodes}[{nodes + 1}][2] = {{", *lines, "};"])

@@ -11,7 +11,7 @@ from teg.backends.c.hyperbola import along_function
 from teg.backends.c.poles import plain_table, weights_function
 from teg.backends.c.polygon import triangle_table, unit_table
 from teg.backends.c.polyhedron import tetrahedron_table
-from teg.backends.c.quadrature import gauss_table, node_table
+from teg.backends.c.quadrature import end_table, gauss_table, node_table
 from teg.backends.c.samples import sobol_table
 from teg.backends.c.text import indent, packed, wrapped
 from teg.program import (
@@ -47,6 +47,7 @@ class Routines:
         self.counted = counted
         self.orders: set[int] = set()
         self.measured: set[int] = set()  # orders whose null rules are used
+        self.closed: set[int] = set()  # and of closed rules
         self.poles: set[tuple[int, int]] = set()  # nodes and powers
         self.inlined = False  # whether polygons and segments are written where they are called
         self.triangles: set[int] = set()  # degrees of rules on triangles
@@ -65,7 +66,7 @@ class Routines:
 
     def tables(self) -> list[str]:
         """Returns the tables that the routines use, and functions made of tables."""
-        found = [*map(gauss_table, sorted(self.orders)), *map(node_table, sorted(self.measured))]
+        found = [*map(gauss_table, sorted(self.orders)), *map(node_table, sorted(self.measured)), *map(end_table, sorted(self.closed))]
         found += [*map(triangle_table, sorted(self.triangles)), *map(tetrahedron_table, sorted(self.tetrahedra))]
         found += (unit_table(*key) for key in sorted(self.units))
         found += [*map(plain_table, sorted({n for n, _ in self.poles})), *(weights_function(*pole) for pole in sorted(self.poles))]

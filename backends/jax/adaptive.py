@@ -22,21 +22,29 @@ from teg.backends.jax.while_loops import while_loop
 from teg.backends.shared import rules
 from teg.backends.shared.bends import POWER, Bends, place
 from teg.numerics.quadrature import decay_power, gauss_legendre, null_rules
-from teg.program import DEEP, DIVERGENT, MAX_DEPTH, MAX_INTERVALS, ROUNDING, SPENT, WATCH_WIDTH
+from teg.program import DEEP, DIVERGENT, END_INSIDE, MAX_DEPTH, MAX_INTERVALS, ROUNDING, SPENT, WATCH_WIDTH
 
 END = 2**MAX_DEPTH
 """The coordinate u in (0, 1) of an adaptive interval is counted in units of 1/END."""
 
 
 def integral(
-    pieces: Pieces, tol: float, orders: tuple[int, int], watched: int, *integral: Any, when: Scalar = True, guard: Guard | None = None
+    pieces: Pieces,
+    tol: float,
+    orders: tuple[int, int],
+    watched: int,
+    closed: bool,
+    *integral: Any,
+    when: Scalar = True,
+    guard: Guard | None = None,
 ) -> tuple[tuple[Scalar, ...], Note]:
     """Gauss-Legendre with bisection on each piece; the arguments are those of `integrate`.
 
-    Behind the values the body has `watched` signs (an interval on which one changes is halved), and the sharp values of a `guard`.
+    Behind the values the body has `watched` signs (an interval on which one changes is halved), and the sharp values of a `guard`. A
+    `closed` rule looks at values at the ends of an interval too.
     """
     pieces = pieces._replace(adaptive=True)
-    how = _How(pieces, tol, _Nodes.of(orders, watched > 0), watched, guard)
+    how = _How(pieces, tol, _Nodes.of(orders, watched > 0, closed), watched, closed, guard)
     return integrate(pieces, partial(_piece, how), *integral, when=when)
 
 
@@ -56,14 +64,16 @@ class _Nodes(NamedTuple):
     nulls: Any
 
     @classmethod
-    def of(cls, orders: tuple[int, int], watched: bool) -> _Nodes:
-        """The nodes of the first look and of the intervals after it; `watched`: no first look, and the ends of the interval too."""
-        first, order = (None, orders[1]) if watched else orders
+    def of(cls, orders: tuple[int, int], watched: bool, closed: bool) -> _Nodes:
+        """The nodes of the first look and of the intervals after it; `watched` or `closed`: no first look, and the ends of the interval
+        too."""
+        first, order = (None, orders[1]) if watched or closed else orders
         width = order + 2 if first is None else first
         turns = -(-order // width)
         rows = [_padded(order, turns * width)] if first is None else [_padded(first, turns * width), _padded(order, turns * width)]
         if first is None:
-            rows[0][0][:2] = -1.0, 1.0
+            end = 1.0 - 2.0 * END_INSIDE if closed else 1.0
+            rows[0][0][:2] = -end, end
         at, weights, nulls = (np.stack(column) for column in zip(*rows, strict=True))
         return cls(width, turns, first, order, at, weights, nulls)
 
@@ -109,12 +119,13 @@ class _How(NamedTuple):
     tol: float
     nodes: _Nodes
     watched: int
+    closed: bool
     guard: Guard | None
 
     @property
     def ends(self) -> int:
-        """How many of the first nodes are ends of an interval, where only signs count."""
-        return 2 if self.watched else 0
+        """How many of the first nodes are ends of an interval, which count for signs and errors only."""
+        return 2 if self.watched or self.closed else 0
 
 
 def _piece(how: _How, piece: OnPiece, _: Bends, active: Scalar) -> tuple[Any, Note]:
@@ -233,8 +244,11 @@ def _measured(how: _How, looks: Scalar, seen: Any, smooth: Scalar) -> _Measured:
     total, size = jnp.sum(weights * found, axis=0), jnp.sum(weights * jnp.abs(found[:, : pieces.tested]), axis=0)
     sums = jnp.sum(_one_of(looks, nodes.nulls)[:, :, None] * found[None, :, : pieces.tested], axis=1)
     tail, decay = rules.null_rule_decay(jnp, sums, smooth)
-    powers = [rules.powi(jnp, decay, decay_power(n)) for n in (nodes.first, nodes.order) if n is not None]
+    powers = [rules.powi(jnp, decay, decay_power(n, how.closed)) for n in (nodes.first, nodes.order) if n is not None]
     error = rules.null_rule_bound(jnp, tail, _one_of(looks, powers), size)
+    if how.closed:
+        tested = seen[:, : pieces.tested]
+        error += rules.unseen_at_ends(jnp, nodes.order, tested[:2], tested[-nodes.order :], sums, size)
     changed = hidden = jnp.bool_(False)
     if watched:
         signs = seen[:, pieces.values : pieces.values + watched]

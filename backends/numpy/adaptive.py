@@ -13,9 +13,9 @@ from teg.backends.numpy.integrals import Integral
 from teg.backends.numpy.lanes import Array, Run, parts, scatter
 from teg.backends.numpy.pieces import Pieces
 from teg.backends.shared.bends import POWER, Bends
-from teg.backends.shared.rules import null_rule_error, placed, rounding, tolerated
+from teg.backends.shared.rules import null_rule_error, placed, rounding, tolerated, unseen_at_ends
 from teg.numerics.quadrature import gauss_legendre, null_rules
-from teg.program import DEEP, DIVERGENT, MAX_DEPTH, MAX_INTERVALS, ROUNDING, SPENT, WATCH_WIDTH
+from teg.program import DEEP, DIVERGENT, END_INSIDE, MAX_DEPTH, MAX_INTERVALS, ROUNDING, SPENT, WATCH_WIDTH
 
 
 def keep_largest(rows: Array, lane: Array, values: Array) -> None:
@@ -24,12 +24,14 @@ def keep_largest(rows: Array, lane: Array, values: Array) -> None:
         np.fmax.at(rows[i], lane, values[i])
 
 
-def measure(values: Array, nodes: int, smooth: Array | bool = True) -> tuple[Array, Array, Array]:
+def measure(values: Array, nodes: int, smooth: Array | bool = True, ends: Array | None = None) -> tuple[Array, Array, Array]:
     """Returns sum, sum of sizes, and error (see `teg.program`) of the values at Gauss nodes, (nodes, lanes), each (lanes,); where they are
-    not known to be `smooth` no decay is counted on."""
+    not known to be `smooth` no decay is counted on. A closed rule has values at the `ends` too, (2, lanes)."""
     weights = np.array(gauss_legendre(nodes)[1])
     total, size = weights @ values, weights @ np.abs(values)
-    return total, size, null_rule_error(np, nodes, np.array(null_rules(nodes)) @ values, size, smooth)
+    sums = np.array(null_rules(nodes)) @ values
+    error = null_rule_error(np, nodes, sums, size, smooth, ends is not None)
+    return total, size, error if ends is None else error + unseen_at_ends(np, nodes, ends, values, sums, size)
 
 
 @dataclass(slots=True)
@@ -65,6 +67,7 @@ class AdaptiveIntegral(Integral):
     first: int = 10
     order: int = 18
     cubic: bool = False
+    closed: bool = False
     watched: int = 0
     guard: Guard | None = None
 
@@ -85,7 +88,7 @@ class AdaptiveIntegral(Integral):
         whole = np.empty(0)
         spent = np.zeros((self.tested, count))
         above = np.zeros((self.tested, count))  # the largest A of what an interval came from
-        depth, first = 0, not self.watched
+        depth, first = 0, not (self.watched or self.closed)
         while True:
             nodes = self.first if first else self.order
             intervals = _Intervals(piece, left, width)
@@ -171,7 +174,7 @@ class AdaptiveIntegral(Integral):
         total, size, error = (np.empty((rows, n)) for rows in (self.values, tested, tested))
         result = Measured(total, size, error, changed, hidden, np.empty((sharp, nodes, n)))
         at, weights = (np.array(column) for column in gauss_legendre(nodes))
-        self._count(run, piece.size * (nodes + 2 * (self.watched > 0)))
+        self._count(run, piece.size * (nodes + 2 * (self.watched > 0 or self.closed)))
         for part in parts(piece.size, run.chunk(self.node_width, nodes)):
             here, given = (some := pieces.part(piece[part])).places, some.values
             first, last = some.neighbours
@@ -179,24 +182,31 @@ class AdaptiveIntegral(Integral):
             x, rate = places_of(here, left[part] + (0.5 * width) * (1.0 + at[:, None]))
             rate *= 0.5 * width
             found = self.body(run, x, *given)
+            at_ends, weighted_ends = self._at_ends(run, some, left[part], width) if self.watched or self.closed else ((), ())
             for i, value in enumerate(found[: self.values]):
                 weighted = np.broadcast_to(value * rate, x.shape)
                 if i < self.tested:
-                    result.total[i, part], result.size[i, part], result.error[i, part] = measure(weighted, nodes, smooth)
+                    ends = weighted_ends[i] if self.closed else None
+                    result.total[i, part], result.size[i, part], result.error[i, part] = measure(weighted, nodes, smooth, ends)
                 else:
                     result.total[i, part] = weights @ weighted
             behind = self.values + self.watched
             for row, value in zip(result.seen, found[behind : behind + sharp], strict=True):
                 row[:, part] = value
-            if self.watched:
-                aside = Run(run.order, run.room)  # ties at the ends do not count
-                ends = places_of(here, np.array([left[part], left[part] + width]))[0]
-                at_ends = self.body(aside, ends, *given)
-                run.evaluations += aside.evaluations
-                run.searched += aside.searched
-                watched = slice(self.values, behind)
-                for inner, outer in zip(found[watched], at_ends[watched], strict=True):
-                    both = np.concatenate([np.broadcast_to(inner, x.shape), np.broadcast_to(outer, ends.shape)])
-                    changed[part] |= (both > 0.0).any(axis=0) & (both < 0.0).any(axis=0)
-                    hidden[part] |= (both == 0.0).any(axis=0)
+            watched = slice(self.values, behind)
+            for inner, outer in zip(found[watched], at_ends[watched], strict=True):
+                both = np.concatenate([np.broadcast_to(inner, x.shape), outer])
+                changed[part] |= (both > 0.0).any(axis=0) & (both < 0.0).any(axis=0)
+                hidden[part] |= (both == 0.0).any(axis=0)
         return result
+
+    def _at_ends(self, run: Run, pieces: Pieces, left: Array, width: float) -> tuple[list[Array], list[Array]]:
+        """Returns what the body has at the two ends of intervals, (2, intervals) each, and the tested values there by the rate of the
+        coordinate; ties there do not count."""
+        aside = Run(run.order, run.room)
+        inside = END_INSIDE * width if self.closed else 0.0
+        ends, rate = places_of(pieces.places, np.array([left + inside, left + (width - inside)]))
+        found = [np.broadcast_to(value, ends.shape) for value in self.body(aside, ends, *pieces.values)]
+        run.evaluations += aside.evaluations
+        run.searched += aside.searched
+        return found, [value * (0.5 * width * rate) for value in found[: self.tested]] if self.closed else []

@@ -262,8 +262,9 @@ class _Printer:
                 kind, rule = "poles.RationalIntegral", f"nodes={nodes}, power={power}"
             case Midpoint(nodes):
                 kind, rule = "integrals.MidpointIntegral", f"nodes={nodes}"
-            case Adaptive(tol, first, order, cubic):
+            case Adaptive(tol, first, order, cubic, closed):
                 kind, rule = "adaptive.AdaptiveIntegral", f"tol={_text(tol)}, first={first}, order={order}, cubic={cubic!r}"
+                rule += f", closed={closed!r}" if closed else ""
                 rule += f", watched={len(stmt.watch)}" if stmt.watch else ""
                 if stmt.guard is not None:
                     rule += f", guard=guards.Guard(guard_{number}, {len(stmt.guard.upper)})"

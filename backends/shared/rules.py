@@ -6,8 +6,23 @@ from collections.abc import Sequence
 from typing import Any
 
 from teg.backends.shared.arrays import Arrays
-from teg.numerics.quadrature import decay_power
-from teg.program import ABSOLUTE_FLOOR, AT_END, EDGE, FAINT, HIDDEN, NEIGHBOUR, NOISE, PIECE_EPS, PLACED, ROUNDING, TIE_EPS, UNSEEN
+from teg.numerics.quadrature import decay_power, end_rule
+from teg.program import (
+    ABSOLUTE_FLOOR,
+    AT_END,
+    EDGE,
+    END_DECAY,
+    END_INSIDE,
+    FAINT,
+    HIDDEN,
+    NEIGHBOUR,
+    NOISE,
+    PIECE_EPS,
+    PLACED,
+    ROUNDING,
+    TIE_EPS,
+    UNSEEN,
+)
 
 
 def powi(xp: Any, x: Any, n: int) -> Any:
@@ -77,11 +92,11 @@ def placed(xp: Any, left: Any, middle: Any, right: Any) -> Any:
     return xp.where(q > p, xp.minimum(apart, 1.0), 1.0)
 
 
-def null_rule_error(xp: Any, nodes: int, sums: Any, size: Any, smooth: Any) -> Any:
+def null_rule_error(xp: Any, nodes: int, sums: Any, size: Any, smooth: Any, closed: bool = False) -> Any:
     """The error of a Gauss rule by the `sums` of its null rules, (6, …), and the integral of |values|; where these are not known to be
     `smooth` no decay is counted on."""
     tail, ratio = null_rule_decay(xp, sums, smooth)
-    return null_rule_bound(xp, tail, powi(xp, ratio, decay_power(nodes)), size)
+    return null_rule_bound(xp, tail, powi(xp, ratio, decay_power(nodes, closed)), size)
 
 
 def null_rule_decay(xp: Any, sums: Any, smooth: Any) -> tuple[Any, Any]:
@@ -93,6 +108,16 @@ def null_rule_decay(xp: Any, sums: Any, smooth: Any) -> tuple[Any, Any]:
     ratio = xp.maximum(last, before) * xp.maximum(1.0, last / before) ** 3
     ratio = xp.maximum(ratio, (15.0 * ratio - 2.0) / 7.0)
     return tail, xp.where((ratio < 1.0) & smooth, ratio, 1.0)
+
+
+def unseen_at_ends(xp: Any, nodes: int, ends: Any, values: Any, sums: Any, size: Any) -> Any:
+    """The error that values at the two `ends` of an interval, (2, …), show and those at the nodes, (nodes, …), do not; `sums` and `size` as
+    for `null_rule_error`."""
+    gap, rows = end_rule(nodes, END_INSIDE)
+    tail, ratio = null_rule_decay(xp, sums, True)
+    apart = xp.abs(ends - xp.tensordot(xp.asarray(rows), values, 1))
+    found = gap * xp.sum(xp.where(xp.isfinite(apart) & (apart > END_DECAY * tail * ratio), apart, 0.0), axis=0)
+    return xp.where(found > NOISE * size, 4.0 * found, 0.0)
 
 
 def null_rule_bound(xp: Any, tail: Any, decay: Any, size: Any) -> Any:

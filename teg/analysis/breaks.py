@@ -21,12 +21,12 @@ from teg.analysis.branches import branches_of, cases_of
 from teg.analysis.isolation import MAX_ROOTS, Isolation, Location, isolate, locate
 from teg.analysis.polynomial import Degrees, Point, Poly, Ratio, Shadow
 from teg.analysis.projection import Contribution, Projection, Turn, near, within
-from teg.analysis.roots import Roots, solve
+from teg.analysis.roots import Roots, far_origin, quadratic_coefficients, solve, tidy
 from teg.analysis.surfaces import atoms_of, binders_inside
-from teg.ir.expr import FALSE, TRUE, Add, Call, Compare, Cond, Const, Expr, Mul, Or, Pow, Var, Where, const
+from teg.ir.expr import FALSE, TRUE, Add, Call, Compare, Cond, Const, Expr, Mul, Or, Param, Pow, Var, Where, const
 from teg.ir.integral import ClosedForm, Integral, masses_of
 from teg.ir.node import Node, digest, postorder
-from teg.ir.simplify import conjunction, disjunction, mul, sub, where
+from teg.ir.simplify import conjunction, disjunction, div, mul, sub, where
 from teg.ir.traverse import substitute
 from teg.numerics.field import divided, residue
 
@@ -74,6 +74,7 @@ class BreakAnalysis:
         self._points = (Point("first"), Point("second"))
         self._keys: dict[Expr, object] = {}
         self._turned: dict[tuple[object, object], Expr] = {}
+        self._sources: dict[object, Expr] = {}
 
     # -- breaks --------------------------------------------------------------------------------------------------------
 
@@ -247,11 +248,33 @@ class BreakAnalysis:
                 return found, border
         return None
 
+    def note_source(self, f: Expr, source: Expr) -> None:
+        """Keeps the function from whose roots a function is derived: the zeros of both lie near each other."""
+        self._sources.setdefault(self.key(f), source)
+
+    def vertex(self, f: Expr, x: Var) -> Expr | None:
+        """Returns the vertex in x of a function or of the nearest of its sources that is a quadratic with a number before x², if the vertex
+        is a sum of parameters and numbers; else None."""
+        source: Expr | None = f
+        while source is not None:
+            if self.degrees.of(source, x) == 2:
+                a, b, _ = quadratic_coefficients(source, x)
+                middle = tidy(mul(const(-0.5), div(b, a)))
+                if isinstance(a, Const) and _is_shift(middle):
+                    return middle
+            source = self._sources.get(self.key(source))
+        return None
+
+    def origin(self, f: Expr, x: Var, lo: Expr, hi: Expr) -> Expr:
+        """Returns a place near the roots of a quadratic, relative to which it keeps its digits."""
+        vertex = self.vertex(f, x) if self.key(f) in self._sources else None
+        return far_origin(lo, hi) if vertex is None else vertex
+
     def solve(self, f: Expr, x: Var, lo: Expr, hi: Expr) -> Roots | None:
         """Returns the roots of a function by formula, cached: integrals that share surfaces and bounds ask for the same roots."""
         problem = (f, x, lo, hi)
         if problem not in self._formulas:
-            self._formulas[problem] = solve(f, x, lo, hi, degrees=self.degrees)
+            self._formulas[problem] = solve(f, x, lo, hi, degrees=self.degrees, origin=self.origin(f, x, lo, hi))
         return self._formulas[problem]
 
     def _roots(self, f: Expr, x: Var, lo: Expr, hi: Expr) -> tuple[list[Expr], bool] | None:
@@ -362,6 +385,13 @@ def _where_it_exists(root: Expr) -> Expr:
 
 
 _PARTIAL = frozenset(("sqrt", "log", "pow"))
+
+
+def _is_shift(e: Expr) -> bool:
+    """Returns whether an expression is a sum of parameters, multiples of them, and numbers; not a number alone."""
+    terms = [t.children if isinstance(t, Mul) else (t,) for t in (e.children if isinstance(e, Add) else (e,))]
+    kinds = [[type(f) for f in t] for t in terms]
+    return all(k.count(Param) <= 1 and set(k) <= {Param, Const} for k in kinds) and any(Param in k for k in kinds)
 
 
 def _is_sum_of_squares(node: Call) -> bool:

@@ -25,7 +25,7 @@ from teg.analysis.coincidence import coincide
 from teg.analysis.expanded import perfect_power
 from teg.analysis.isolation import MARGIN
 from teg.analysis.polynomial import Shadow
-from teg.analysis.roots import Roots, discriminant, far_origin, local_origin, quadratic_coefficients
+from teg.analysis.roots import Roots, discriminant, far_origin, local_origin, quadratic_coefficients, tidy
 from teg.analysis.surfaces import atoms_of
 from teg.errors import NotDifferentiableError
 from teg.ir.expr import FALSE, ONE, TRUE, ZERO, Cond, Const, Expr, Mul, Pow, Var, const
@@ -79,7 +79,7 @@ class Projection:
         masses = masses_of(node.body, node.var)
         self.surface = frozenset(branches_of(masses.g) or ()) if masses is not None else None
         self.affine: list[tuple[Expr, Expr, Expr]] = []
-        self.quadratic: list[tuple[Expr, tuple[Expr, Expr, Expr]]] = []
+        self.quadratic: list[Expr] = []
         self.others: list[Expr] = []
 
     def run(self) -> Contribution:
@@ -127,13 +127,16 @@ class Projection:
                 if rate.free:
                     self.out.turns[Turn("pole", rate, within(sub(self.origin, div(at_origin, rate)), lo, hi))] = None
         elif degree == 2:
-            a, b, c = quadratic_coefficients(f, z, self.centre)
-            self.quadratic.append((f, (a, b, c)))
+            origin = self.analysis.origin(f, z, lo, hi)
+            a, b, c = quadratic_coefficients(f, z, origin)
+            self.quadratic.append(f)
             if not apart:
                 if not self.finite:
                     self._put(a)
-                self._put(discriminant(a, b, c), near(add(self.centre, div(b, mul(const(-2.0), a))), lo, hi))
-                self.out.turns[Turn("root", discriminant(a, b, c), self.analysis.somewhere(f, z, lo, hi))] = None
+                border = discriminant(a, b, c)
+                self.analysis.note_source(border, f)
+                self._put(border, near(add(origin, div(b, mul(const(-2.0), a))), lo, hi))
+                self.out.turns[Turn("root", border, self.analysis.somewhere(f, z, lo, hi))] = None
         elif degree == 0:
             if apart:
                 self._put(f)
@@ -186,37 +189,45 @@ class Projection:
             for g, rate2, at2 in self.affine[:i]:
                 if not self._apart(f, g):
                     self._put(sub(mul(rate2, at1), mul(rate1, at2)), near(crossing, lo, hi))
-            for g, _ in self.quadratic:
+            for g in self.quadratic:
                 if not self._apart(f, g):
                     g, *_ = self.analysis.turned(g, f) or (g,)
                     self._put(cast(Expr, substitute(g, {self.node.var: crossing})), near(crossing, lo, hi))
 
     def _quadratics_meet(self) -> None:
         """Adds where roots of quadratic functions meet each other."""
-        nearby = {f: self.analysis.nearby(f, self.node.var, self.node.lo, self.node.hi) for f, _ in self.quadratic}
-        for i, (f, first) in enumerate(self.quadratic):
-            for g, second in self.quadratic[:i]:
+        nearby = {f: self.analysis.nearby(f, self.node.var, self.node.lo, self.node.hi) for f in self.quadratic}
+        for i, f in enumerate(self.quadratic):
+            for g in self.quadratic[:i]:
                 matters = conjunction(nearby[f], nearby[g])
                 if self._apart(f, g) or self._met_at_a_turn(f, g, matters):
                     continue
+                first, second = self._coefficients(f, g)
                 resultant = _resultant(first, second)
+                self.analysis.note_source(resultant, f)
                 self._put(_unless_linear(resultant, first, second), matters)
                 for turning, other in ((first, second), (second, first)):
                     self.analysis.note_turned(resultant, discriminant(*turning), _at_the_turn(turning, other))
+
+    def _coefficients(self, *pair: Expr) -> tuple[tuple[Expr, Expr, Expr], ...]:
+        """Returns the coefficients of two quadratics around the vertex of one of them, if that is known; else around one origin."""
+        z = self.node.var
+        origin = next((v for f in pair if (v := self.analysis.vertex(f, z)) is not None), self.centre)
+        return tuple(quadratic_coefficients(f, z, origin) for f in pair)
 
     def _met_at_a_turn(self, f: Expr, g: Expr, matters: Cond = TRUE) -> bool:
         """Adds where two functions meet that are a resultant and a discriminant; returns whether they are."""
         z, pair = self.node.var, self.analysis.turned(f, g)
         if pair is None or any(self.analysis.degrees.of(h, z) not in (1, 2) for h in pair):
             return False
-        first, second = (quadratic_coefficients(h, z, self.centre) for h in pair)
+        first, second = self._coefficients(*pair)
         self._put(_unless_linear(_resultant(first, second), first, second), matters)
         return True
 
     def _others_meet(self) -> None:
         """Adds where roots of functions of higher degree meet any others: by formula, or by a search at run time."""
         z, lo, hi = self.node.var, self.node.lo, self.node.hi
-        curved = [*self.others, *(f for f, *_ in self.quadratic)]
+        curved = [*self.others, *self.quadratic]
         for i, f in enumerate(self.others):
             formula = self.analysis.solve(f, z, lo, hi)
             if formula is None or not formula.certain:
@@ -279,7 +290,7 @@ def _resultant(first: tuple[Expr, Expr, Expr], second: tuple[Expr, Expr, Expr]) 
     """
     (a1, b1, c1), (a2, b2, c2) = first, second
     linear = sub(mul(b1, c2), mul(b2, c1))
-    result = sub(integer_power(sub(mul(a1, c2), mul(a2, c1)), 2), mul(sub(mul(a1, b2), mul(a2, b1)), linear))
+    result = sub(integer_power(tidy(sub(mul(a1, c2), mul(a2, c1))), 2), mul(sub(mul(a1, b2), mul(a2, b1)), linear))
     power = perfect_power(result, exact=False)
     return result if power is None else power[1]
 

@@ -178,10 +178,21 @@ def null_rules(n: int) -> tuple[tuple[float, ...], ...]:
     return tuple(rows)
 
 
-def decay_power(n: int) -> int:
+@cache
+def end_rule(n: int, inside: float) -> tuple[float, tuple[tuple[float, ...], ...]]:
+    """Returns the distance of the outermost of n Gauss nodes from the ends of (-1, 1), and two rows of weights on the nodes: the values at
+    both ends, or 2·`inside` away from them, of the polynomial through the values at the nodes."""
+    nodes = [Fraction(x) for x in gauss_legendre(n)[0]]
+    ends = [sign * (1 - 2 * Fraction(inside)) for sign in (-1, 1)]
+    rows = [[math.prod((e - y) / (x - y) for y in nodes if y != x) for x in nodes] for e in ends]
+    return float(1 - nodes[-1]), tuple(tuple(map(float, row)) for row in rows)
+
+
+def decay_power(n: int, closed: bool = False) -> int:
     """Returns the power of the decay, from one pair of coefficients to the next, in the error estimate of n nodes.
 
     An analytic function allows (n + 1)/2. But its slow part may be hidden behind a fast one: two branch points beside the interval, 1e-4 of
     it apart, show in the last coefficients only, and each power counts on ten to a hundred times what was seen (tests/bench/estimates.py).
+    The more so with a closed rule, beside whose intervals there may be branch points that are not known.
     """
-    return 4 if n >= 16 else 2 if n >= 8 else n // 6
+    return 4 if n >= 16 and not closed else 2 if n >= 8 else n // 6

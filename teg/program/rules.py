@@ -41,10 +41,10 @@ class Rational:
 class Adaptive:
     """Gauss-Legendre with bisection on each piece, in a coordinate u in (0, 1), whose place is that of `Bend`.
 
-    The whole of (0, 1) is measured with `first` nodes (not if there is something to watch); then, if it was not accepted, with `order`
-    nodes, and so is every interval that comes of halving one. Measuring gives for every value K, the sum, A, the sum of |value|, and an
-    error E by the null rules of `teg.numerics.quadrature`; A₀ is the first A of the piece. An interval is accepted if for each of the
-    `tested` first values
+    The whole of (0, 1) is measured with `first` nodes (not if there is something to watch, or the rule is closed); then, if it was not
+    accepted, with `order` nodes, and so is every interval that comes of halving one. Measuring gives for every value K, the sum, A, the
+    sum of |value|, and an error E by the null rules of `teg.numerics.quadrature`; A₀ is the first A of the piece. An interval is
+    accepted if for each of the `tested` first values
 
         E <= max(tol·(A₀ + ABSOLUTE_FLOOR), ROUNDING·A), or E is not finite
 
@@ -61,6 +61,12 @@ class Adaptive:
     last interval, E is at least the guard's bound of the integral of |value| there, infinite where that is not known; a bound that is
     infinite on a finite interval, as beside integrable singularities, is left out.
 
+    A `closed` rule is one of an integrand that may be not smooth at places that are no breaks. There is no first look, and `body` is
+    run at the two ends of an interval too, END_INSIDE of it inside; of these runs only values and watched signs count, and no tie.
+    Where a finite value y at an end is farther from p, what the polynomial through the values at the nodes has there, than
+    END_DECAY·t·min(1, r), with t and r as above, 1 for an r that is NaN, 4·g·|y - p| is added to E, if these g·|y - p| together are
+    more than NOISE·A; g is the distance in (-1, 1) from an end to the outermost node.
+
     Once the intervals of a run have been measured with more than MAX_EVALUATIONS nodes a point of the batch, or an iteration of a loop,
     each that is still to be measured is accepted, and the tolerance was missed. A box in which roots are isolated counts as
     BOX_COST nodes. Which these are, and which nodes count, is for a backend to say; JAX and the interpreter have no such limit.
@@ -70,6 +76,7 @@ class Adaptive:
     first: int = 10
     order: int = 18
     cubic: bool = False
+    closed: bool = False
 
 
 @dataclass(frozen=True, slots=True)

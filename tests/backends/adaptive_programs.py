@@ -8,7 +8,42 @@ from teg.program import Adaptive
 from tests.backends.case import INF, NAN, TIGHT, Case, integrate, let, program
 
 EXPONENTIAL = (let("v0", "mul", "p0", "x0"), let("v1", "exp", "v0"))
+HIDDEN = (1e-3, 2e-4, 1e-5, 0.5 - 2e-4, 0.5 + 1e-5, 0.75 - 1e-4, 1 - 1e-3, 1 - 1e-4, 1 - 1e-5)
+"""Places near the ends of dyadic intervals, between these and the outermost nodes."""
+BESIDE = (
+    let("v0", "sub", "x0", "p0"),
+    let("b0", "gt0", "v0"),
+    let("v1", "max", 0.0, "v0"),
+    let("v2", "sqrt", "v1"),
+    let("v10", "neg", "v0"),
+    let("v5", "max", 0.0, "v10"),
+)
 ADAPTIVE = (
+    Case(
+        "places at which a closed rule looks between the outermost nodes and the ends: a jump, a root that begins, one that ends",
+        program(
+            1,
+            (
+                *(
+                    integrate(result, "x0", 0.0, 1.0, (*BESIDE, last), last.name, rule=Adaptive(1e-11, closed=True))
+                    for result, last in (
+                        ("v7", let("v3", "select", "b0", 1.0, 2.0)),
+                        ("v8", let("v4", "add", 1.0, "v2")),
+                        ("v9", let("v6", "sqrt", "v5")),
+                    )
+                ),
+            ),
+            *("v7", "v8", "v9"),
+        ),
+        (HIDDEN,),
+        (
+            tuple(1.0 + p for p in HIDDEN),
+            tuple(1.0 + 2.0 / 3.0 * (1.0 - p) ** 1.5 for p in HIDDEN),
+            tuple(2.0 / 3.0 * p**1.5 for p in HIDDEN),
+        ),
+        len(HIDDEN),
+        1e-10,
+    ),
     Case(
         "exp(p0 x) over (0, 1), and over (1, 0)",
         program(

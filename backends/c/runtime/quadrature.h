@@ -13,23 +13,51 @@ typedef struct {
     double node, rule[8];
 } teg_node;
 
+//: teg_decay
+/* The largest coefficients that the six null rules behind a sum give, and their decay from one pair to the next, 1 where there is
+   none. */
+static inline double teg_decay(const double *sums, double *decay)
+{
+    const double e1 = fabs(sums[1]), e2 = fabs(sums[2]), e3 = fabs(sums[3]), e4 = fabs(sums[4]);
+    const double e5 = fabs(sums[5]), e6 = fabs(sums[6]);
+    const double a = e1 > e2 ? e1 : e2, b = e3 > e4 ? e3 : e4, c = e5 > e6 ? e5 : e6;
+    const double last = a / b, before = b / c, slowing = last / before;
+    double ratio = last > before ? last * (slowing * slowing * slowing) : before;
+    if (ratio > 0.25) ratio = (15.0 * ratio - 2.0) / 7.0;
+    *decay = ratio < 1.0 && last == last ? ratio : 1.0;
+    return b > c && b > a ? b : a;
+}
+
+//: teg_at_ends
+/* What the values at the ends of an interval show that those at the nodes do not: `apart` has how far each of the two lies from
+   the polynomial through the nodes, and gets the error of each of n values in the place of the first one. */
+static inline void teg_at_ends(int n, const double *sums, double *apart, double gap)
+{
+    for (int j = 0; j < n; j++, sums += 8, apart += 2) {
+        double decay, found = 0.0;
+        const double usual = TEG_END_DECAY * teg_decay(sums, &decay), least = usual * decay;
+        for (int side = 0; side < 2; side++) {
+            const double y = fabs(apart[side]);
+            if (isfinite(y) && y > least) found += gap * y;
+        }
+        apart[0] = found > TEG_NOISE * sums[7] ? found : 0.0;
+    }
+}
+
 //: teg_assess
 /* The errors of n values from their sums: 8 numbers each, the sum, the six null rules, and the sum of sizes. The error of a
-   value is written in the place of its first null rule. Whether all are small enough, or not finite. */
-static inline int teg_assess(int n, double *sums, const double *whole, double tol, int power)
+   value is written in the place of its first null rule, with what is in `apart`, unless this is NULL. Whether all are small
+   enough, or not finite. */
+static inline int teg_assess(int n, double *sums, const double *apart, const double *whole, double tol, int power)
 {
     int good = 1;
     for (int j = 0; j < n; j++, sums += 8) {
-        const double e1 = fabs(sums[1]), e2 = fabs(sums[2]), e3 = fabs(sums[3]), e4 = fabs(sums[4]);
-        const double e5 = fabs(sums[5]), e6 = fabs(sums[6]);
-        const double a = e1 > e2 ? e1 : e2, b = e3 > e4 ? e3 : e4, c = e5 > e6 ? e5 : e6;
-        const double tail = b > c && b > a ? b : a;
-        const double last = a / b, before = b / c, slowing = last / before;
-        double ratio = last > before ? last * (slowing * slowing * slowing) : before;
-        if (ratio > 0.25) ratio = (15.0 * ratio - 2.0) / 7.0;
+        double decay;
+        const double tail = teg_decay(sums, &decay);
         double error = 4.0 * tail;
         if (tail <= TEG_NOISE * sums[7]) error = 0.0;
-        else if (ratio < 1.0 && last == last) for (int k = 0; k < power; k++) error *= ratio;
+        else if (decay < 1.0) for (int k = 0; k < power; k++) error *= decay;
+        if (apart) error += 4.0 * apart[2 * j];
         const double rounding = TEG_ROUNDING * sums[7], wanted = tol * (whole[j] + TEG_ABSOLUTE_FLOOR);
         if (error > (wanted > rounding ? wanted : rounding) && isfinite(error)) good = 0;
         sums[1] = error;
@@ -81,9 +109,9 @@ static inline int teg_matters(int n, const double *sizes, double length, const d
 }
 
 //: teg_unseen
-/* Whether one of n sharp values can be large in a gap, or in all of an interval (gap -1), and was not seen to be at the nodes, (nodes, n).
-   Bounds are the n upper ones, then the lower ones; an infinite one counts in gaps that are inside or endless only, lower ones not in a gap
-   that is endless, or outermost after many bisections. */
+/* Whether one of n sharp values can be large in a gap, or in all of an interval (gap -1), and was not seen to be at the
+   nodes, (nodes, n). Bounds are the n upper ones, then the lower ones; an infinite one counts in gaps that are inside or
+   endless only, lower ones not in a gap that is endless, or outermost after many bisections. */
 static inline int teg_unseen(int n, const double *bounds, const double *seen, int nodes, int gap, int inside, int endless)
 {
     for (int i = 0; i < n; i++) {

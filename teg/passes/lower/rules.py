@@ -70,15 +70,16 @@ class Rules:
         for intrinsic in self._exact.values() if bounded else ():
             if (rule := intrinsic.match(node, self.analysis)) is not None:
                 return rule, "the shape of an intrinsic"
-        cubic = self.analysis.of(node).rooted
+        breaks = self.analysis.of(node)
+        cubic, closed = breaks.rooted, not breaks.complete
         if how.rule == "gauss":
             return Adaptive(math.inf, most, most, cubic), f"{most} nodes are asked for"
         tol = max(how.tol * INNER_TIGHTER**depth, TIGHTEST)
         if how.order is not None:
-            return Adaptive(tol, how.order, how.order + 8, cubic), f"{how.order} nodes for the first look are asked for"
+            return Adaptive(tol, how.order, how.order + 8, cubic, closed), f"{how.order} nodes for the first look are asked for"
         _, first, order = next(row for row in ORDERS if tol >= row[0])
         first += OUTER * self._inside(node, depth)
-        return Adaptive(tol, first, order, cubic), "no exact rule is known" if how.rule == "auto" else "asked for"
+        return Adaptive(tol, first, order, cubic, closed), "no exact rule is known" if how.rule == "auto" else "asked for"
 
     def _inside(self, node: Integral, depth: int) -> int:
         """Returns 0 for an integrand without integrals, 1 for one with integrals, 2 if one of them is adaptive."""
@@ -125,7 +126,8 @@ class Rules:
             return self._exact[type(first)].shared(rules)
         if isinstance(first, Adaptive):
             adaptive = cast(list[Adaptive], rules)
-            return replace(first, first=max(r.first for r in adaptive), cubic=any(r.cubic for r in adaptive))
+            flags = {name: any(getattr(r, name) for r in adaptive) for name in ("cubic", "closed")}
+            return replace(first, first=max(r.first for r in adaptive), **flags)
         return max(rules, key=lambda r: cast(Gauss, r).nodes)
 
     def is_exact(self, node: Integral, depth: int) -> bool:

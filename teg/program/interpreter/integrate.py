@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, assert_never
 
-from teg.numerics.quadrature import decay_power, gauss_legendre, null_rules, pole_table
+from teg.numerics.quadrature import decay_power, end_rule, gauss_legendre, null_rules, pole_table
 from teg.program.interpreter.bends import POWER, Substitution, substitution, tail_place
 from teg.program.limits import (
     ABSOLUTE_FLOOR,
@@ -16,6 +16,8 @@ from teg.program.limits import (
     DEEP,
     DIVERGENT,
     EDGE,
+    END_DECAY,
+    END_INSIDE,
     FAINT,
     GUARD_DEPTH,
     HIDDEN,
@@ -171,9 +173,9 @@ class _Piece:
         while waiting:
             left, right, depth, above = waiting.pop()
             used += 1
-            first = used == 1 and not stmt.watch
+            first = used == 1 and not stmt.watch and not rule.closed
             smooth = way.kind != POWER and not (neighbours[0] and left == 0.0) and not (neighbours[1] and right == 1.0)
-            found = self._measure(way, left, right, rule.first if first else rule.order, smooth)
+            found = self._measure(way, left, right, rule.first if first else rule.order, smooth, rule.closed)
             above = [_larger(a, s) for a, s in zip(above, found.size, strict=True)]
             if used == 1:
                 whole = list(found.size)
@@ -209,7 +211,7 @@ class _Piece:
         most = [max(rule.tol * (a + ABSOLUTE_FLOOR), ROUNDING * a) for a in whole]
         m.missed |= any(s > SPENT * w for s, w in zip(spent, most, strict=True))
 
-    def _measure(self, way: Substitution, left: float, right: float, n: int, smooth: bool) -> _Measured:
+    def _measure(self, way: Substitution, left: float, right: float, n: int, smooth: bool, closed: bool) -> _Measured:
         """Returns the measurements of the interval (left, right) of u by n nodes; see `measure`."""
         stmt, m = self.stmt, self.machine
         half, count, watched = 0.5 * (right - left), len(stmt.values), len(stmt.watch)
@@ -220,20 +222,25 @@ class _Piece:
             rows.append([v * (rate * half) for v in row[:count]])
             signs.append(row[count : count + watched])
             seen.append(row[count + watched :])
-        if watched:
+        aside: list[list[float]] = []
+        if watched or closed:
             met, missed, crowded = set(m.met), m.missed, m.crowded
-            for u in (left, right):
-                signs.append(self._values(way(u)[0])[count : count + watched])
+            for u in (left + END_INSIDE * (right - left), right - END_INSIDE * (right - left)) if closed else (left, right):
+                x, rate = way(u)
+                row = self._values(x)
+                aside.append([v * (rate * half) for v in row[:count]])
+                signs.append(row[count : count + watched])
             m.met, m.missed, m.crowded = met, missed, crowded  # what happens at the ends does not count
         changed = any(any(s > 0.0 for s in column) and any(s < 0.0 for s in column) for column in zip(*signs, strict=True))
         hidden = any(s == 0.0 for row in signs for s in row)
         totals, sizes, errors = [], [], []
         for j in range(count):
-            total, size, error = measure([row[j] for row in rows], smooth)
+            column = [row[j] for row in rows]
+            total, size, error = measure(column, smooth, closed)
             totals.append(total)
             if j < stmt.tested:
                 sizes.append(size)
-                errors.append(error)
+                errors.append(error + 4.0 * unseen_at_ends(column, [row[j] for row in aside]) if closed else error)
         return _Measured(totals, sizes, errors, changed, hidden, seen)
 
     def _hidden(self, guard: Guard, way: Substitution, start: float, stop: float) -> list[float]:
@@ -303,20 +310,38 @@ def rounding(p: float, q: float) -> float:
     return 0.5 * ROUNDING + (EDGE * max(abs(p), abs(q)) / (q - p) if math.isfinite(q - p) else 0.0)
 
 
-def measure(values: Sequence[float], smooth: bool) -> tuple[float, float, float]:
+def measure(values: Sequence[float], smooth: bool, closed: bool = False) -> tuple[float, float, float]:
     """Returns K, A and E of the values at Gauss nodes; where they are not known to be `smooth` no decay is counted on."""
     n = len(values)
     weights = gauss_legendre(n)[1]
     total = sum(w * v for w, v in zip(weights, values, strict=True))
     size = sum(w * abs(v) for w, v in zip(weights, values, strict=True))
-    e = [abs(sum(w * v for w, v in zip(row, values, strict=True))) for row in null_rules(n)]
+    tail, ratio = _decay(values)
+    error = 4.0 * tail * power(ratio if smooth else 1.0, decay_power(n, closed))
+    return total, size, 0.0 if tail <= NOISE * size else error
+
+
+def unseen_at_ends(values: Sequence[float], ends: Sequence[float]) -> float:
+    """Returns what the values at the two ends show that those at the nodes do not."""
+    gap, rows = end_rule(len(values), END_INSIDE)
+    tail, ratio = _decay(values)
+    size = sum(w * abs(v) for w, v in zip(gauss_legendre(len(values))[1], values, strict=True))
+    found = 0.0
+    for row, value in zip(rows, ends, strict=True):
+        apart = abs(value - sum(w * v for w, v in zip(row, values, strict=True)))
+        found += gap * apart if math.isfinite(apart) and apart > END_DECAY * tail * ratio else 0.0
+    return found if found > NOISE * size else 0.0
+
+
+def _decay(values: Sequence[float]) -> tuple[float, float]:
+    """Returns the largest coefficients that the null rules give, and their decay, 1 where there is none."""
+    e = [abs(sum(w * v for w, v in zip(row, values, strict=True))) for row in null_rules(len(values))]
     a, b, c = largest(e[0], e[1]), largest(e[2], e[3]), largest(e[4], e[5])
     tail = largest(a, b) if b > c else a
     last, before = divide(a, b), divide(b, c)
     ratio = largest(last, before) * power(largest(1.0, divide(last, before)), 3)
     ratio = largest(ratio, (15.0 * ratio - 2.0) / 7.0)
-    error = 4.0 * tail * power(ratio if ratio < 1.0 and smooth else 1.0, decay_power(n))
-    return total, size, 0.0 if tail <= NOISE * size else error
+    return tail, ratio if ratio < 1.0 else 1.0
 
 
 def pole_weights(n: int, order: int, low: float, high: float) -> list[float]:
