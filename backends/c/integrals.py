@@ -119,7 +119,7 @@ class Integrals:
                     way = bent_piece(bends, spell(stmt.base), rule.cubic, stmt.infinite, scale)
                 total = Sums(count, tested, len(stmt.watch), estimated, counted)
                 ends, noted = any(b.kind == "end" for b in stmt.bends), needs_context(stmt.body, False)
-                places = Places(bent, ends, noted, _asks_neighbours(stmt))
+                places = Places(bent, ends, noted, len(stmt.breaks) if _asks_neighbours(stmt) else 0)
                 guard = None if stmt.guard is None else GuardText(frame.block(2), len(stmt.guard.seen))
                 return [*way, *adaptive_piece(nodes or block, rule, total, places, guard)]
 
@@ -148,14 +148,14 @@ def _pattern(stmt: Integrate) -> tuple[object, list[str]] | None:
 
 def _ends(stmt: Integrate, spell: Scope) -> tuple[list[str], str]:
     """Returns lines that write the ends of the pieces of (a, b), and the number of pieces. Those inside are picked
-    out where there are many breaks, and where an adaptive rule asks for the nearest ones outside."""
+    out where there are many breaks, and where an adaptive rule asks for neighbours, which may be outside."""
     breaks = stmt.breaks
     count, picked = len(breaks), len(breaks) > MANY or _asks_neighbours(stmt)
     lines = packed(
         ["ends[0] = a;", *(f"ends[{i}] = {spell(t) if picked else f'teg_clamp({spell(t)}, a, b)'};" for i, t in enumerate(breaks, 1))]
     )
     if picked:
-        return [*lines, "double outside[2];", f"const int pieces = teg_breaks(ends, {count}, b, outside);"], "pieces"
+        return [*lines, f"const int pieces = teg_breaks(ends, {count}, b);"], "pieces"
     return [*lines, f"ends[{count + 1}] = b;", *([f"teg_sort(ends + 1, {count});"] if count > 1 else [])], str(count + 1)
 
 

@@ -29,13 +29,12 @@ class Sums:
 @dataclass(frozen=True, slots=True)
 class Places:
     """The places of an adaptive rule: those of the substitution `way` if they are `bent`, which may be that of a singular end if there are
-    `ends`; `noted` says that the block may note ties and missed tolerances there, `broken` that
-    the piece may have neighbours."""
+    `ends`; `noted` says that the block may note ties and missed tolerances there. So many `breaks` may be neighbours."""
 
     bent: bool
     ends: bool
     noted: bool
-    broken: bool
+    breaks: int
 
 
 def gauss_piece(block: Sequence[str] | Nodes, nodes: int, count: int, estimated: int, counted: bool) -> list[str]:
@@ -153,7 +152,7 @@ def adaptive_piece(block: Sequence[str] | Nodes, rule: Adaptive, sums: Sums, pla
     unknown = ["const int tied = ctx->tied, missed = ctx->missed;"] if aside and places.noted else []
     first, inside = nodes_of(block, "nodes", [f"const double u = middle + half * {node};", *place, *unknown], "slope")
     return [
-        *(["const int neighbours = teg_neighbours(ends, pieces, i, outside);"] if places.broken else []),
+        *([f"const int neighbours = teg_neighbours(ends, {places.breaks}, pieces, p, q);"] if places.breaks else []),
         "teg_interval waiting[TEG_MAX_DEPTH + 2];",
         "waiting[0] = (teg_interval){0.0, 1.0, 0};",
         *(f"teg_fill({total}, {tested}, 0.0);" for total in ("spent", "whole")),
@@ -227,7 +226,7 @@ def _assessed(rule: Adaptive, sums: Sums, whole: str, places: Places) -> tuple[l
     single = sums.watched > 0 or rule.closed
     powers = str(power) if single or first == power else f"(used == 1 ? {first} : {power})"
     rough = ["way.kind == TEG_POWER"] if places.ends else []
-    if places.broken:
+    if places.breaks:
         rough += ["((neighbours & 1) && here.from == 0.0)", "((neighbours & 2) && here.to == 1.0)"]
     choice = [f"const int power = {' || '.join(rough)} ? 0 : {powers};"] if rough else []
     apart = "apart" if rule.closed else "NULL"

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import jax
 import jax.numpy as jnp
-from jax import lax
 
 from teg.backends.jax.entries import array_of
 from teg.backends.shared.arrays import Arrays, Values
@@ -20,4 +20,8 @@ def _rows(values: Values, like: Any) -> Any:
     return array_of(values) if jnp.ndim(like) == 0 else jnp.stack([jnp.broadcast_to(v, jnp.shape(like)) for v in values])
 
 
-JAX = Arrays(jnp, _choose, _rows, lax.cummax)
+def _any_of(condition: Callable[[Any], Any], values: Any) -> Any:
+    return jnp.any(jax.vmap(condition)(values), axis=0)
+
+
+JAX = Arrays(jnp, _choose, _rows, _any_of)

@@ -150,7 +150,7 @@ def integrate(
         points = jnp.sort(points)
     near: tuple[Any, ...] = ()
     if pieces.adaptive and breaks:
-        near = rules.neighbours(JAX, points, (lo, hi), entries.stacked(breaks))
+        near = rules.neighbours(JAX, points, entries.stacked(breaks))
     base, scale, *coefficients = bends or (0.0, 1.0)
 
     def piece(p: Scalar, q: Scalar, *neighbours: Scalar) -> tuple[Any, Note]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -27,7 +28,11 @@ def _rows(values: Values, like: Any) -> Any:
     return np.stack([np.broadcast_to(v, np.shape(like)) for v in values])
 
 
-NUMPY = Arrays(np, _choose, _rows, np.maximum.accumulate)
+def _any_of(condition: Callable[[Any], Any], values: Any) -> Any:
+    return reduce(np.logical_or, map(condition, values))
+
+
+NUMPY = Arrays(np, _choose, _rows, _any_of)
 
 
 def places_of(s: Substitution, u: Any) -> tuple[Any, Any]:

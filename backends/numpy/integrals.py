@@ -93,7 +93,7 @@ class Integral:
         kept = np.flatnonzero(rules.is_wide(np, p, q) & ~np.tile(broken, len(breaks) + 1))
         neighbours: tuple[Value, Value] = (False, False)
         if self.is_adaptive and breaks:
-            first, last = rules.neighbours(NUMPY, points, (lo, hi), np.array(np.broadcast_arrays(*breaks, points[0])[:-1]))
+            first, last = rules.neighbours(NUMPY, points, np.array(np.broadcast_arrays(*breaks, points[0])[:-1]))
             neighbours = first.reshape(-1)[kept], last.reshape(-1)[kept]
         sums = self._pieces(run, (p[kept], q[kept], *neighbours), kept % lanes, outside, lanes)
         sums[: self.values] *= np.where(lo <= hi, 1.0, -1.0)

@@ -13,10 +13,10 @@ class Arrays(NamedTuple):
 
     `xp`: numpy or jax.numpy. `choose(mask, compute, operands, otherwise)`: arrays that are `compute(*operands)` where the mask, along the
     last axis, is true, and `otherwise` elsewhere. `rows(values, like)`: an array of values, each of the shape of `like`.
-    `running_max(values)`: the largest so far along the first axis.
+    `any_of(condition, values)`: where a condition holds for one of the values along the first axis, at least one.
     """
 
     xp: Any
     choose: Callable[[Any, Callable[..., Values], Values, Values], Values]
     rows: Callable[[Values, Any], Any]
-    running_max: Callable[[Any], Any]
+    any_of: Callable[[Callable[[Any], Any], Any], Any]

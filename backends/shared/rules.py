@@ -61,20 +61,17 @@ def is_wide(xp: Any, p: Any, q: Any) -> Any:
     return (length > PIECE_EPS * xp.maximum(xp.abs(p), xp.abs(q))) | xp.isposinf(length)
 
 
-def neighbours(arrays: Arrays, points: Any, bounds: tuple[Any, Any], breaks: Any) -> tuple[Any, Any]:
+def neighbours(arrays: Arrays, points: Any, breaks: Any) -> tuple[Any, Any]:
     """Returns whether the pieces between `points`, which are sorted along the first axis, have a neighbour at their first end, and at their
     last one; `breaks`, along the first axis, may lie outside of the bounds."""
-    xp, (lo, hi), p, q = arrays.xp, bounds, points[:-1], points[1:]
-    low, high, wide, length = xp.minimum(lo, hi), xp.maximum(lo, hi), is_wide(xp, p, q), q - p
-    below = xp.max(xp.where(breaks < low, breaks, -xp.inf), axis=0, keepdims=True)
-    above = xp.max(xp.where(breaks > high, -breaks, -xp.inf), axis=0, keepdims=True)
-    starts = arrays.running_max(xp.concatenate([below, xp.where(wide, p, -xp.inf)]))[:-1]
-    stops = -arrays.running_max(xp.concatenate([above, xp.where(wide, -q, -xp.inf)[::-1]]))[:-1][::-1]
+    xp, p, q = arrays.xp, points[:-1], points[1:]
+    length = q - p
+    least, most = AT_END * length, xp.where(xp.isfinite(length), NEIGHBOUR * length, 0.0)
 
     def near(distance: Any) -> Any:
-        return (AT_END * length < distance) & (distance < NEIGHBOUR * length) & xp.isfinite(length)
+        return (least < distance) & (distance < most)
 
-    return near(p - starts), near(stops - q)
+    return arrays.any_of(lambda x: near(p - x), breaks), arrays.any_of(lambda x: near(x - q), breaks)
 
 
 def rounding(xp: Any, p: Any, q: Any) -> Any:

@@ -187,35 +187,33 @@ static inline void teg_sort(double *t, int n)
 }
 
 //: teg_breaks
-/* The ends of the pieces of (a, b): a is the first number, n breaks stand behind it. Those inside are sorted, and b follows.
-   Returns the number of pieces. The nearest breaks outside are written to `outside`, infinities if there are none. */
-static inline int teg_breaks(double *ends, int n, double b, double *outside)
+/* The ends of the pieces of (a, b): a is the first number, n breaks stand behind it. Those inside are sorted, b follows, then
+   those that are not inside. Returns the number of pieces. */
+static inline int teg_breaks(double *ends, int n, double b)
 {
     const double a = ends[0];
     int pieces = 1;
-    outside[0] = -INFINITY, outside[1] = INFINITY;
     for (int i = 1; i <= n; i++) {
         const double t = ends[i];
+        ends[i] = ends[pieces];
         ends[pieces] = t;
         pieces += t > a && t < b;
-        if (t < a && t > outside[0]) outside[0] = t;
-        if (t > b && t < outside[1]) outside[1] = t;
     }
     teg_sort(ends + 1, pieces - 1);
+    if (pieces <= n) ends[n + 1] = ends[pieces];
     ends[pieces] = b;
     return pieces;
 }
 
 //: teg_neighbours
-/* Whether piece i, of so many, has a neighbour: 1 at its first end, 2 at its last one, 3 at both. */
-static inline int teg_neighbours(const double *ends, int pieces, int i, const double *outside)
+/* Whether the piece (p, q) of n breaks, behind b the others, has a neighbour: 1 at its first end, 2 at its last one, 3 at both. */
+static inline int teg_neighbours(const double *ends, int n, int pieces, double p, double q)
 {
-    const double p = ends[i], q = ends[i + 1], length = q - p;
-    int before = i - 1, after = i + 1;
-    while (before >= 0 && !teg_is_piece(ends[before], ends[before + 1])) before--;
-    while (after < pieces && !teg_is_piece(ends[after], ends[after + 1])) after++;
-    const double left = p - (before >= 0 ? ends[before] : outside[0]);
-    const double right = (after < pieces ? ends[after + 1] : outside[1]) - q;
-    const double least = TEG_AT_END * length, most = TEG_NEIGHBOUR * length;
-    return !isfinite(length) ? 0 : (left > least && left < most) + 2 * (right > least && right < most);
+    const double least = TEG_AT_END * (q - p), most = TEG_NEIGHBOUR * (q - p);
+    int found = 0;
+    for (int i = 1; i <= n + 1 && isfinite(q - p); i++) {
+        const double left = p - ends[i], right = ends[i] - q;
+        if (i != pieces) found |= (left > least && left < most) + 2 * (right > least && right < most);
+    }
+    return found;
 }

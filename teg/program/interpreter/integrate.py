@@ -54,10 +54,8 @@ def integrate(machine: Machine, stmt: Integrate) -> list[float]:
     breaks = machine.numbers(stmt.breaks)
     points = sorted([a, *((x if x < b else b) if x > a else a for x in breaks), b])
     pieces = [(p, q) for p, q in pairwise(points) if q - p > PIECE_EPS * max(abs(p), abs(q)) or (math.isinf(q - p) and p < q)]
-    before, after = max((x for x in breaks if x < a), default=-math.inf), min((x for x in breaks if x > b), default=math.inf)
-    starts, stops = [before, *(p for p, _ in pieces)], [*(q for _, q in pieces), after]
-    for (p, q), start, stop in zip(pieces, starts, stops[1:], strict=False):
-        piece.add(p, q, (_is_neighbour(p - start, q - p), _is_neighbour(stop - q, q - p)))
+    for p, q in pieces:
+        piece.add(p, q, (any(_is_neighbour(p - x, q - p) for x in breaks), any(_is_neighbour(x - q, q - p) for x in breaks)))
     if lo > hi:
         piece.sums = [-s for s in piece.sums]
     return [*piece.sums, *piece.errors[: len(stmt.estimates)]]
