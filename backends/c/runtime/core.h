@@ -206,7 +206,7 @@ static inline int teg_breaks(double *ends, int n, double b)
 }
 
 //: teg_neighbours
-/* Whether the piece (p, q) of n breaks, behind b the others, has a neighbour: 1 at its first end, 2 at its last one, 3 at both. */
+/* Whether the piece (p, q) of n breaks, behind b the others, has a neighbour: 1 at its first end, 2 at its last, 3 at both. */
 static inline int teg_neighbours(const double *ends, int n, int pieces, double p, double q)
 {
     const double least = TEG_AT_END * (q - p), most = TEG_NEIGHBOUR * (q - p);
