@@ -264,13 +264,19 @@ def _together(outputs: Sequence[Expr], canonical: Canonical) -> list[Expr]:
 
 
 def flat_program(
-    outputs: Sequence[Expr], names: Sequence[str], how: Integration, remarks: Remarks | None = None, intervals: bool = False
+    outputs: Sequence[Expr],
+    names: Sequence[str],
+    how: Integration,
+    remarks: Remarks | None = None,
+    intervals: bool = False,
+    differentiated: Sequence[Expr] = (),
 ) -> Program:
     """Returns the flat program of outputs without δ, before the passes over flat programs. Decisions are added to `remarks`.
 
     Closed forms on `intervals` have no pieces, whose ends an estimate of errors needs.
     """
-    return checked("lower", schedule([released(output) for output in outputs], names, how, intrinsics_for(how), remarks, intervals))
+    outputs, differentiated = ([released(e) for e in several] for several in (outputs, differentiated))
+    return checked("lower", schedule(outputs, names, how, intrinsics_for(how), remarks, intervals, differentiated))
 
 
 def finished(program: Program, errors: bool = False) -> Program:
@@ -281,10 +287,15 @@ def finished(program: Program, errors: bool = False) -> Program:
 
 
 def program_for(
-    outputs: Sequence[Expr], names: Sequence[str], how: Integration, errors: bool = False, remarks: Remarks | None = None
+    outputs: Sequence[Expr],
+    names: Sequence[str],
+    how: Integration,
+    errors: bool = False,
+    remarks: Remarks | None = None,
+    differentiated: Sequence[Expr] = (),
 ) -> Program:
     """Returns the finished program of outputs without δ; with `errors`, an estimate of the error of each follows them."""
-    return finished(flat_program(outputs, names, how, remarks, not errors), errors)
+    return finished(flat_program(outputs, names, how, remarks, not errors, differentiated), errors)
 
 
 def cell_program(outputs: Sequence[Expr], names: Sequence[str], how: Integration) -> Program:

@@ -13,7 +13,7 @@ Source: Saye 2022, for quadrature on such pieces.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import cast
 
@@ -64,8 +64,14 @@ class Breaks:
 class BreakAnalysis:
     """Breaks and degrees of the integrals of a program, each computed once."""
 
-    def __init__(self, max_roots: int = MAX_ROOTS) -> None:
+    def __init__(self, max_roots: int = MAX_ROOTS, differentiated: Sequence[Expr] = ()) -> None:
+        """`differentiated` are expressions of whose derivatives the program consists: where an integral over z is smooth in the parameters
+        and in what is outside, and its integrand in z, so are the integrands over z of its derivatives."""
         self.max_roots = max_roots
+        self._sources_of: dict[tuple[Var, Expr, Expr], dict[Integral, None]] = {}
+        for node in postorder(differentiated):
+            if isinstance(node, Integral):
+                self._sources_of.setdefault((node.var, node.lo, node.hi), {})[node] = None
         self._breaks: dict[Integral, Breaks] = {}
         self._projections: dict[Integral, Contribution] = {}
         self._shadows: dict[tuple[Var, ...], Shadow] = {}
@@ -128,7 +134,27 @@ class BreakAnalysis:
         located = [locate(f, g, z, low, high, x) for f, g, z, low, high in list(projection.meetings)[:MAX_LOCATED]]
         together = tuple(m for m in located if m is not None)
         bends = self._bends(projection, node)
-        return Breaks(distinct, tuple(points), at_run_time, together, frozenset(handled), complete, projection.rooted, bends, matters)
+        found = Breaks(distinct, tuple(points), at_run_time, together, frozenset(handled), complete, projection.rooted, bends, matters)
+        return found if complete else self._with_those_of_the_source(found, node, direct)
+
+    def _with_those_of_the_source(self, found: Breaks, node: Integral, direct: Sequence[Expr]) -> Breaks:
+        """Returns breaks of which some are not known with those of the integrals whose derivative this is: if all of these are known, what
+        is searched for are the places of atoms only."""
+        sources = self._sources_of.get((node.var, node.lo, node.hi), {})
+        known = [self.of(source) for source in sources] if node not in sources else []
+        if not known or not all(b.complete for b in known):
+            return found
+        every = [found, *known]
+        return replace(
+            found,
+            functions=tuple(dict.fromkeys(f for b in every for f in b.functions)),
+            points=tuple(dict.fromkeys(p for b in every for p in b.points)),
+            isolated=tuple(dict.fromkeys([*(i for i in found.isolated if i.g in direct), *(i for b in known for i in b.isolated)])),
+            located=(),
+            rooted=True,
+            bends=tuple(dict.fromkeys(t for b in every for t in b.bends))[:MAX_BENDS],
+            matters={f: c for b in every for f, c in b.matters.items()},
+        )
 
     def _bends(self, projection: Contribution, node: Integral) -> tuple[Turn, ...]:
         """Returns the distinct turns that are quadratic in the variable, or have two roots by formula. Other turns only set `rooted`: the

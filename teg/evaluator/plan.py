@@ -228,7 +228,8 @@ class Derivation:
 
     def _flat(self, wanted: Wanted, entry: int | None, errors: bool, how: Integration) -> Program:
         names = [p.name for p in self.arguments(wanted)]
-        return program_for([leaf for e in self.outputs(wanted, entry) for leaf in flatten(e)], names, how, errors)
+        outputs = [leaf for e in self.outputs(wanted, entry) for leaf in flatten(e)]
+        return program_for(outputs, names, how, errors, differentiated=flatten(self.outputs(VALUE, entry)[0]))
 
     # -- with loops ----------------------------------------------------------------------------------------------------
 

@@ -59,10 +59,11 @@ def schedule(
     intrinsics: Sequence[Intrinsic],
     remarks: Remarks | None = None,
     intervals: bool = True,
+    differentiated: Sequence[Expr] = (),
 ) -> Program:
     """Returns one program for several outputs. `intrinsics` may compute integrals of their shapes, closed forms may lie on `intervals`;
     decisions are added to `remarks`."""
-    made = _Integrals(parameters, how, intrinsics, Remarks() if remarks is None else remarks)
+    made = _Integrals(parameters, how, intrinsics, Remarks() if remarks is None else remarks, differentiated)
     made.has_intervals = intervals
     return made.run(outputs)
 
@@ -70,10 +71,17 @@ def schedule(
 class _Integrals:
     """The integrals of one program."""
 
-    def __init__(self, parameters: Sequence[str], how: Integration, intrinsics: Sequence[Intrinsic], remarks: Remarks) -> None:
+    def __init__(
+        self,
+        parameters: Sequence[str],
+        how: Integration,
+        intrinsics: Sequence[Intrinsic],
+        remarks: Remarks,
+        differentiated: Sequence[Expr],
+    ) -> None:
         self.parameters, self.how, self.remarks = tuple(parameters), how, remarks
         self.out = Emitter(parameters, self.integrate, self.closed_form)
-        self.rules = Rules(how, [i.rule for i in intrinsics if i.rule is not None])
+        self.rules = Rules(how, [i.rule for i in intrinsics if i.rule is not None], differentiated)
         self.roots = Roots(self.out, self.plan, how.max_roots, how.tol)
         self.samples = Samples(self.out, self.plan, how, self.rules.is_too_deep)
         self.guards = Guards(self.out, self.rules.analysis)

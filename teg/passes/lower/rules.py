@@ -16,7 +16,7 @@ from teg.analysis.breaks import BreakAnalysis
 from teg.analysis.settings import Integration
 from teg.analysis.tails import is_unbounded
 from teg.analysis.waves import gauss_nodes
-from teg.ir.expr import Compare, Const
+from teg.ir.expr import Compare, Const, Expr
 from teg.ir.integral import Integral, masses_of
 from teg.ir.node import Node, postorder
 from teg.passes.lower.intrinsic import CLOSED_FORM, ExactRule
@@ -40,8 +40,8 @@ INNER_TIGHTER = 0.1
 class Rules:
     """The rules of the integrals of one program; `exact` are those of intrinsics."""
 
-    def __init__(self, how: Integration, exact: Sequence[ExactRule] = ()) -> None:
-        self.how, self.analysis = how, BreakAnalysis(how.max_roots)
+    def __init__(self, how: Integration, exact: Sequence[ExactRule] = (), differentiated: Sequence[Expr] = ()) -> None:
+        self.how, self.analysis = how, BreakAnalysis(how.max_roots, differentiated)
         self._exact = {e.rule: e for e in exact}
         self._known: dict[tuple[Integral, int], tuple[Rule, str]] = {}
 
