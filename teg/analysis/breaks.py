@@ -138,19 +138,20 @@ class BreakAnalysis:
         return found if complete else self._with_those_of_the_source(found, node, direct)
 
     def _with_those_of_the_source(self, found: Breaks, node: Integral, direct: Sequence[Expr]) -> Breaks:
-        """Returns breaks of which some are not known with those of the integrals whose derivative this is: if all of these are known, what
-        is searched for are the places of atoms only."""
+        """Returns breaks of which some are not known with those of the integrals whose derivative this is: if all of these are known, only
+        the roots of atoms are searched for besides."""
         sources = self._sources_of.get((node.var, node.lo, node.hi), {})
         known = [self.of(source) for source in sources] if node not in sources else []
-        if not known or not all(b.complete for b in known):
+        if not known:
             return found
+        wanted, enough = frozenset(direct), all(b.complete for b in known)
         every = [found, *known]
         return replace(
             found,
             functions=tuple(dict.fromkeys(f for b in every for f in b.functions)),
             points=tuple(dict.fromkeys(p for b in every for p in b.points)),
-            isolated=tuple(dict.fromkeys([*(i for i in found.isolated if i.g in direct), *(i for b in known for i in b.isolated)])),
-            located=(),
+            isolated=tuple(dict.fromkeys(i for b in every for i in b.isolated if b is not found or not enough or i.g in wanted)),
+            located=() if enough else tuple(dict.fromkeys(m for b in every for m in b.located)),
             rooted=True,
             bends=tuple(dict.fromkeys(t for b in every for t in b.bends))[:MAX_BENDS],
             matters={f: c for b in every for f, c in b.matters.items()},

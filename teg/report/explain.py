@@ -122,10 +122,13 @@ def explain_cell(e: Expr, chosen: Sequence[Param], asked: Asked) -> Explanation:
         lambda: compiled_outputs(e, chosen, 1, estimator, Elimination(maps, how.closed_forms, remarks))
     )
     if outputs is not None:
-        program = program_for([leaf for o in outputs for leaf in flatten(o)], names, how, remarks=remarks)
+        program = program_for(
+            [leaf for o in outputs for leaf in flatten(o)], names, how, remarks=remarks, differentiated=flatten(outputs[0])
+        )
         data["remarks"] = _told(remarks)
         data["gradient_statements"], data["cost"]["value and gradient"] = size(program), cost_of(program)
         interior = compiled_outputs(e, chosen, 1, Ignore())[1]
+        integrals = Integrals(how, flatten(outputs[0]))
         data["boundary"] = integrals.of([outputs[1]], but=[normal, outputs[0], interior])
         if asked.derivatives:
             data["interior"] = integrals.of([interior], but=[normal, outputs[0]])

@@ -24,10 +24,10 @@ from teg.report.inventory import nests, text_of
 class Integrals:
     """Breaks and rules of integrals, as lowering chooses them."""
 
-    def __init__(self, how: Integration) -> None:
+    def __init__(self, how: Integration, differentiated: Sequence[Expr] = ()) -> None:
         self.how = how
         self.intrinsics = intrinsics_for(how)
-        self.rules = Rules(how, [i.rule for i in self.intrinsics if i.rule is not None])
+        self.rules = Rules(how, [i.rule for i in self.intrinsics if i.rule is not None], differentiated)
         self.analysis = self.rules.analysis
         self.features = Features(self.rules, lambda nodes: frozenset().union(*map(binders_inside, nodes)))
         self._described: dict[Integral, Description | None] = {}

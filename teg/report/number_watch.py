@@ -63,9 +63,10 @@ class NumberWatch:
 
         leaves = [leaf for output in outputs[1:] for leaf in flatten(output)]
         self.expression, self.names, self.parameters = e, names, parameters
+        self._value = flatten(outputs[0])
         self._outputs, self._how = [leaf for output in outputs[:2] for leaf in flatten(output)], how
         self.wrt = {p.name for p in wrt}
-        self.program = program_for([*leaves, *_probes(e)], parameters, how)
+        self.program = program_for([*leaves, *_probes(e)], parameters, how, differentiated=flatten(outputs[0]))
         self.kernel = compile_numpy(self.program, most=MOST_EVALUATIONS)
         self.results, self.first_order = len(leaves), len(names) - len(flatten(e))
         self.searched = any(isinstance(s, Isolate) for s in statements(self.program.body))  # roots that meet to rounding are a tangency
@@ -95,7 +96,9 @@ class NumberWatch:
             finite = all(np.isfinite(v) for v in at.values.values()) and np.isfinite(here).all()
             moves = []
             if finite and any(pair[1] == BORDER for pair in pairs):
-                whole = compile_numpy(program_for(self._outputs, self.parameters, self._how), most=MOST_EVALUATIONS)
+                whole = compile_numpy(
+                    program_for(self._outputs, self.parameters, self._how, differentiated=self._value), most=MOST_EVALUATIONS
+                )
                 moves = self._moves(whole, at, np.concatenate([at.computed, here]), STEP_OVER_TIES)
             elif finite:
                 moves = self._moves(self.kernel, at, here, STEP_OVER_TIES)
