@@ -141,7 +141,7 @@ class BreakAnalysis:
         """Returns breaks of which some are not known with those of the integrals whose derivative this is: if all of these are known, only
         the roots of atoms are searched for besides."""
         sources = self._sources_of.get((node.var, node.lo, node.hi), {})
-        known = [self.of(source) for source in sources] if node not in sources else []
+        known = [self.of(source) for source in sources if source.free <= node.free] if node not in sources else []
         if not known:
             return found
         wanted, enough = frozenset(direct), all(b.complete for b in known)
