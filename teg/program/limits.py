@@ -45,7 +45,7 @@ HIDDEN = 1e13
 """Where a sharp value falls by such a factor in one gap, a product with one that rises there may have a peak between the nodes."""
 FAINT = 1e-87
 """A sharp value below which no peak is looked for: that of exp(-200)."""
-END_INSIDE = 2.0**-30
+END_INSIDE = 2.0**-24
 """How far inside of an interval its ends are looked at, in parts of it: at a break a value may be that of the other side."""
 END_DECAY = 8.0
 """A value at an end may be so many times as far from the polynomial through the nodes as the coefficients that were not seen are large."""
