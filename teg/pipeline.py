@@ -46,7 +46,7 @@ from teg.passes.eliminate.edge_mc import EdgeMc
 from teg.passes.eliminate.families import closing, eliminate_deltas, families_with, is_endless
 from teg.passes.eliminate.implicit import with_deltas
 from teg.passes.intrinsics import boundary_terms, intrinsics_for
-from teg.passes.lower.integrals import schedule
+from teg.passes.lower.integrals import About, schedule
 from teg.passes.normalise.canonicalise import Canonical
 from teg.passes.normalise.centre import centred
 from teg.passes.normalise.corners import with_local_boxes
@@ -276,7 +276,7 @@ def flat_program(
     Closed forms on `intervals` have no pieces, whose ends an estimate of errors needs.
     """
     outputs, differentiated = ([released(e) for e in several] for several in (outputs, differentiated))
-    return checked("lower", schedule(outputs, names, how, intrinsics_for(how), remarks, intervals, differentiated))
+    return checked("lower", schedule(outputs, names, how, intrinsics_for(how), remarks, About(intervals, differentiated)))
 
 
 def finished(program: Program, errors: bool = False) -> Program:

@@ -29,22 +29,16 @@ END = 2**MAX_DEPTH
 
 
 def integral(
-    pieces: Pieces,
-    tol: float,
-    orders: tuple[int, int],
-    watched: int,
-    closed: bool,
-    *integral: Any,
-    when: Scalar = True,
-    guard: Guard | None = None,
+    pieces: Pieces, rule: tuple[float, int, int, bool], watched: int, *integral: Any, when: Scalar = True, guard: Guard | None = None
 ) -> tuple[tuple[Scalar, ...], Note]:
     """Gauss-Legendre with bisection on each piece; the arguments are those of `integrate`.
 
-    Behind the values the body has `watched` signs (an interval on which one changes is halved), and the sharp values of a `guard`. A
-    `closed` rule looks at values at the ends of an interval too.
+    The `rule` is its tolerance, the nodes of the first look and of later ones, and whether it looks at values at the ends of an interval
+    too. Behind the values the body has `watched` signs (an interval on which one changes is halved), and the sharp values of a `guard`.
     """
-    pieces = pieces._replace(adaptive=True)
-    how = _How(pieces, tol, _Nodes.of(orders, watched > 0, closed), watched, closed, guard)
+    tol, first, order, closed = rule
+    nodes = _Nodes.of((first, order), watched > 0, closed)
+    how = _How(pieces._replace(adaptive=True), tol, nodes, watched, closed, guard)
     return integrate(pieces, partial(_piece, how), *integral, when=when)
 
 

@@ -106,7 +106,7 @@ def _integral(stmt: Integrate, note: str) -> list[str]:
         case Midpoint(nodes):
             name, options = "rt.midpoint", [str(nodes), "zero"]
         case Adaptive(tol, first, order, cubic, closed):
-            name, options = "adaptive.integral", [_text(tol), f"({first}, {order})", str(len(stmt.watch)), str(closed)]
+            name, options = "adaptive.integral", [f"({_text(tol)}, {first}, {order}, {closed})", str(len(stmt.watch))]
         case _:
             assert_never(stmt.rule)
     kinds = f"({inside(repr(b.kind) for b in stmt.bends)})"

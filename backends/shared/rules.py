@@ -66,7 +66,10 @@ def neighbours(arrays: Arrays, points: Any, breaks: Any) -> tuple[Any, Any]:
     last one; `breaks`, along the first axis, may lie outside of the bounds."""
     xp, p, q = arrays.xp, points[:-1], points[1:]
     length = q - p
-    least, most = AT_END * length, xp.where(xp.isfinite(length), NEIGHBOUR * length, 0.0)
+    least, most = (
+        xp.maximum(AT_END * length, PIECE_EPS * xp.maximum(xp.abs(p), xp.abs(q))),
+        xp.where(xp.isfinite(length), NEIGHBOUR * length, 0.0),
+    )
 
     def near(distance: Any) -> Any:
         return (least < distance) & (distance < most)

@@ -21,9 +21,9 @@ from teg.analysis.branches import branches_of, cases_of
 from teg.analysis.isolation import MAX_ROOTS, Isolation, Location, isolate, locate
 from teg.analysis.polynomial import Degrees, Point, Poly, Ratio, Shadow
 from teg.analysis.projection import Contribution, Projection, Turn, near, within
-from teg.analysis.roots import Roots, far_origin, quadratic_coefficients, solve, tidy
+from teg.analysis.roots import Roots, far_origin, quadratic_coefficients, quadratic_roots, solve, tidy
 from teg.analysis.surfaces import atoms_of, binders_inside
-from teg.ir.expr import FALSE, TRUE, Add, Call, Compare, Cond, Const, Expr, Mul, Or, Param, Pow, Var, Where, const
+from teg.ir.expr import FALSE, TRUE, ZERO, Add, Call, Compare, Cond, Const, Expr, Mul, Or, Param, Pow, Var, Where, const
 from teg.ir.integral import ClosedForm, Integral, masses_of
 from teg.ir.node import Node, digest, postorder
 from teg.ir.simplify import conjunction, disjunction, div, mul, sub, where
@@ -68,10 +68,10 @@ class BreakAnalysis:
         """`differentiated` are expressions of whose derivatives the program consists: where an integral over z is smooth in the parameters
         and in what is outside, and its integrand in z, so are the integrands over z of its derivatives."""
         self.max_roots = max_roots
-        self._sources_of: dict[tuple[Var, Expr, Expr], dict[Integral, None]] = {}
+        self._differentiated: dict[tuple[Var, Expr, Expr], dict[Integral, None]] = {}
         for node in postorder(differentiated):
             if isinstance(node, Integral):
-                self._sources_of.setdefault((node.var, node.lo, node.hi), {})[node] = None
+                self._differentiated.setdefault((node.var, node.lo, node.hi), {})[node] = None
         self._breaks: dict[Integral, Breaks] = {}
         self._projections: dict[Integral, Contribution] = {}
         self._shadows: dict[tuple[Var, ...], Shadow] = {}
@@ -80,7 +80,9 @@ class BreakAnalysis:
         self._points = (Point("first"), Point("second"))
         self._keys: dict[Expr, object] = {}
         self._turned: dict[tuple[object, object], Expr] = {}
-        self._sources: dict[object, Expr] = {}
+        self._derived_from: dict[object, Expr] = {}
+        self._coefficients: dict[tuple[Expr, Var, Expr], tuple[Expr, Expr, Expr]] = {}
+        self._vertices: dict[tuple[Expr, Var], Expr | None] = {}
 
     # -- breaks --------------------------------------------------------------------------------------------------------
 
@@ -140,7 +142,7 @@ class BreakAnalysis:
     def _with_those_of_the_source(self, found: Breaks, node: Integral, direct: Sequence[Expr]) -> Breaks:
         """Returns breaks of which some are not known with those of the integrals whose derivative this is: if all of these are known, only
         the roots of atoms are searched for besides."""
-        sources = self._sources_of.get((node.var, node.lo, node.hi), {})
+        sources = self._differentiated.get((node.var, node.lo, node.hi), {})
         known = [self.of(source) for source in sources if source.free <= node.free] if node not in sources else []
         if not known:
             return found
@@ -275,33 +277,45 @@ class BreakAnalysis:
                 return found, border
         return None
 
-    def note_source(self, f: Expr, source: Expr) -> None:
+    def note_derived(self, f: Expr, before: Expr) -> None:
         """Keeps the function from whose roots a function is derived: the zeros of both lie near each other."""
-        self._sources.setdefault(self.key(f), source)
+        self._derived_from.setdefault(self.key(f), before)
+
+    def coefficients(self, f: Expr, x: Var, origin: Expr) -> tuple[Expr, Expr, Expr]:
+        """Returns A, B, C of a quadratic f = A·w² + B·w + C, w = x - origin, cached: each pair asks for them."""
+        key = f, x, origin
+        if key not in self._coefficients:
+            self._coefficients[key] = quadratic_coefficients(f, x, origin)
+        return self._coefficients[key]
 
     def vertex(self, f: Expr, x: Var) -> Expr | None:
-        """Returns the vertex in x of a function or of the nearest of its sources that is a quadratic with a number before x², if the vertex
-        is a sum of parameters and numbers; else None."""
-        source: Expr | None = f
-        while source is not None:
-            if self.degrees.of(source, x) == 2:
-                a, b, _ = quadratic_coefficients(source, x)
-                middle = tidy(mul(const(-0.5), div(b, a)))
-                if isinstance(a, Const) and _is_shift(middle):
-                    return middle
-            source = self._sources.get(self.key(source))
-        return None
+        """Returns the vertex in x of the first quadratic, of a function, the one it is derived from, and so on, that has a number before x²
+        and a vertex that is a sum of parameters and numbers; None if there is none."""
+        if (f, x) not in self._vertices:
+            before = self._derived_from.get(self.key(f))
+            own = self._own_vertex(f, x)
+            self._vertices[f, x] = own if own is not None or before is None else self.vertex(before, x)
+        return self._vertices[f, x]
+
+    def _own_vertex(self, f: Expr, x: Var) -> Expr | None:
+        if self.degrees.of(f, x) != 2:
+            return None
+        a, b, _ = self.coefficients(f, x, ZERO)
+        middle = tidy(mul(const(-0.5), div(b, a)))
+        return middle if isinstance(a, Const) and _is_shift(middle) else None
 
     def origin(self, f: Expr, x: Var, lo: Expr, hi: Expr) -> Expr:
         """Returns a place near the roots of a quadratic, relative to which it keeps its digits."""
-        vertex = self.vertex(f, x) if self.key(f) in self._sources else None
+        vertex = self.vertex(f, x) if self.key(f) in self._derived_from else None
         return far_origin(lo, hi) if vertex is None else vertex
 
     def solve(self, f: Expr, x: Var, lo: Expr, hi: Expr) -> Roots | None:
         """Returns the roots of a function by formula, cached: integrals that share surfaces and bounds ask for the same roots."""
         problem = (f, x, lo, hi)
         if problem not in self._formulas:
-            self._formulas[problem] = solve(f, x, lo, hi, degrees=self.degrees, origin=self.origin(f, x, lo, hi))
+            derived = self.degrees.of(f, x) == 2 and self.key(f) in self._derived_from
+            roots = Roots(quadratic_roots(f, x, self.origin(f, x, lo, hi))) if derived else solve(f, x, lo, hi, degrees=self.degrees)
+            self._formulas[problem] = roots
         return self._formulas[problem]
 
     def _roots(self, f: Expr, x: Var, lo: Expr, hi: Expr) -> tuple[list[Expr], bool] | None:

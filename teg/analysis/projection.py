@@ -25,7 +25,7 @@ from teg.analysis.coincidence import coincide
 from teg.analysis.expanded import perfect_power
 from teg.analysis.isolation import MARGIN
 from teg.analysis.polynomial import Shadow
-from teg.analysis.roots import Roots, discriminant, far_origin, local_origin, quadratic_coefficients, tidy
+from teg.analysis.roots import Roots, discriminant, far_origin, local_origin, tidy
 from teg.analysis.surfaces import atoms_of
 from teg.errors import NotDifferentiableError
 from teg.ir.expr import FALSE, ONE, TRUE, ZERO, Cond, Const, Expr, Mul, Pow, Var, const
@@ -128,13 +128,13 @@ class Projection:
                     self.out.turns[Turn("pole", rate, within(sub(self.origin, div(at_origin, rate)), lo, hi))] = None
         elif degree == 2:
             origin = self.analysis.origin(f, z, lo, hi)
-            a, b, c = quadratic_coefficients(f, z, origin)
+            a, b, c = self.analysis.coefficients(f, z, origin)
             self.quadratic.append(f)
             if not apart:
                 if not self.finite:
                     self._put(a)
                 border = discriminant(a, b, c)
-                self.analysis.note_source(border, f)
+                self.analysis.note_derived(border, f)
                 self._put(border, near(add(origin, div(b, mul(const(-2.0), a))), lo, hi))
                 self.out.turns[Turn("root", border, self.analysis.somewhere(f, z, lo, hi))] = None
         elif degree == 0:
@@ -204,7 +204,7 @@ class Projection:
                     continue
                 first, second = self._coefficients(f, g)
                 resultant = _resultant(first, second)
-                self.analysis.note_source(resultant, f)
+                self.analysis.note_derived(resultant, f)
                 self._put(_unless_linear(resultant, first, second), matters)
                 for turning, other in ((first, second), (second, first)):
                     self.analysis.note_turned(resultant, discriminant(*turning), _at_the_turn(turning, other))
@@ -213,7 +213,7 @@ class Projection:
         """Returns the coefficients of two quadratics around the vertex of one of them, if that is known; else around one origin."""
         z = self.node.var
         origin = next((v for f in pair if (v := self.analysis.vertex(f, z)) is not None), self.centre)
-        return tuple(quadratic_coefficients(f, z, origin) for f in pair)
+        return tuple(self.analysis.coefficients(f, z, origin) for f in pair)
 
     def _met_at_a_turn(self, f: Expr, g: Expr, matters: Cond = TRUE) -> bool:
         """Adds where two functions meet that are a resultant and a discriminant; returns whether they are."""

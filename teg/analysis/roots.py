@@ -76,13 +76,10 @@ def far_origin(lo: Expr, hi: Expr) -> Expr:
     return ZERO
 
 
-def solve(
-    g: Expr, x: Var, lo: Expr, hi: Expr, depth: int = MAX_DEPTH, degrees: Degrees | None = None, origin: Expr | None = None
-) -> Roots | None:
+def solve(g: Expr, x: Var, lo: Expr, hi: Expr, depth: int = MAX_DEPTH, degrees: Degrees | None = None) -> Roots | None:
     """Returns the roots of g in x between the bounds if a formula is known, else None. Some may lie outside of the bounds.
 
-    `degrees` holds degrees that are known already, for callers that solve many functions. `origin` is a place near the roots of a
-    quadratic, if one is known.
+    `degrees` holds degrees that are known already, for callers that solve many functions.
     """
     try:
         degree = (degrees or Degrees()).of(g, x)
@@ -93,8 +90,7 @@ def solve(
                 (Root(affine_root(g, x, local_origin(lo, hi) if depth == MAX_DEPTH else ZERO)),)
             )  # inside an inverse function nothing is local
         if degree == 2:
-            far = far_origin(lo, hi) if depth == MAX_DEPTH else ZERO
-            return Roots(quadratic_roots(g, x, far if origin is None else origin))
+            return Roots(quadratic_roots(g, x, far_origin(lo, hi) if depth == MAX_DEPTH else ZERO))
         if not depth:
             return None
         normal = shorter_form(g)

@@ -56,10 +56,10 @@ class Adaptive:
     The error is 4·t·min(1, max(r, (15·r - 2)/7))^decay_power, t the largest coefficients that the null rules give and r the decay from
     one pair of them to the next. No decay is counted on where r is NaN, at an "end", and in intervals that touch an end of their piece
     where it has a *neighbour*: another break, which may lie outside of the bounds, farther from this end than AT_END of the piece's
-    length and nearer than NEIGHBOUR of it. The error is 0 if t <= NOISE·A. The estimate is E plus that of `Gauss`, in which PLACED·m/l,
-    one at most, of the interval counts where it is more than EDGE·M/L, the middle for an infinite end; where only a guard objects to the
-    last interval, E is at least the guard's bound of the integral of |value| there, infinite where that is not known; a bound that is
-    infinite on a finite interval, as beside integrable singularities, is left out.
+    length and PIECE_EPS·M, and nearer than NEIGHBOUR of the length. The error is 0 if t <= NOISE·A. The estimate is E plus that of
+    `Gauss`, in which PLACED·m/l, one at most, of the interval counts where it is more than EDGE·M/L, the middle for an infinite end;
+    where only a guard objects to the last interval, E is at least the guard's bound of the integral of |value| there, infinite where
+    that is not known; a bound that is infinite on a finite interval, as beside integrable singularities, is left out.
 
     A `closed` rule is one of an integrand that may be not smooth at places that are no breaks. There is no first look, and `body` is
     run at the two ends of an interval too, END_INSIDE of it inside; of these runs only values and watched signs count, and no tie.

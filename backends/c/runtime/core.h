@@ -209,7 +209,8 @@ static inline int teg_breaks(double *ends, int n, double b)
 /* Whether the piece (p, q) of n breaks, behind b the others, has a neighbour: 1 at its first end, 2 at its last, 3 at both. */
 static inline int teg_neighbours(const double *ends, int n, int pieces, double p, double q)
 {
-    const double least = TEG_AT_END * (q - p), most = TEG_NEIGHBOUR * (q - p);
+    const double size = fabs(p) > fabs(q) ? fabs(p) : fabs(q);
+    const double least = fmax(TEG_AT_END * (q - p), TEG_PIECE_EPS * size), most = TEG_NEIGHBOUR * (q - p);
     int found = 0;
     for (int i = 1; i <= n + 1 && isfinite(q - p); i++) {
         const double left = p - ends[i], right = ends[i] - q;

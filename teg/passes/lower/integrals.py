@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache, partial
 from typing import cast
 
@@ -52,19 +52,28 @@ Surfaces approach each other towards one end, or both.
 """
 
 
+@dataclass(frozen=True)
+class About:
+    """What is known of outputs: whether closed forms of them may lie on `intervals`, without pieces, and the `differentiated` expressions
+    whose derivatives they are."""
+
+    intervals: bool = True
+    differentiated: Sequence[Expr] = ()
+
+
+ABOUT_NOTHING = About()
+
+
 def schedule(
     outputs: Sequence[Expr],
     parameters: Sequence[str],
     how: Integration,
     intrinsics: Sequence[Intrinsic],
     remarks: Remarks | None = None,
-    intervals: bool = True,
-    differentiated: Sequence[Expr] = (),
+    about: About = ABOUT_NOTHING,
 ) -> Program:
-    """Returns one program for several outputs. `intrinsics` may compute integrals of their shapes, closed forms may lie on `intervals`;
-    decisions are added to `remarks`."""
-    made = _Integrals(parameters, how, intrinsics, Remarks() if remarks is None else remarks, differentiated)
-    made.has_intervals = intervals
+    """Returns one program for several outputs. `intrinsics` may compute integrals of their shapes; decisions are added to `remarks`."""
+    made = _Integrals(parameters, how, intrinsics, Remarks() if remarks is None else remarks, about)
     return made.run(outputs)
 
 
@@ -77,18 +86,18 @@ class _Integrals:
         how: Integration,
         intrinsics: Sequence[Intrinsic],
         remarks: Remarks,
-        differentiated: Sequence[Expr],
+        about: About,
     ) -> None:
         self.parameters, self.how, self.remarks = tuple(parameters), how, remarks
         self.out = Emitter(parameters, self.integrate, self.closed_form)
-        self.rules = Rules(how, [i.rule for i in intrinsics if i.rule is not None], differentiated)
+        self.rules = Rules(how, [i.rule for i in intrinsics if i.rule is not None], about.differentiated)
         self.roots = Roots(self.out, self.plan, how.max_roots, how.tol)
         self.samples = Samples(self.out, self.plan, how, self.rules.is_too_deep)
         self.guards = Guards(self.out, self.rules.analysis)
         self.pieces = Pieces(self.out, self.rules, self.roots)
         self.lowerings: list[Lowering] = [i.lowering(self.out) for i in intrinsics if i.lowering is not None]
         self._claimed: dict[Node, Lowering] = {}
-        self.has_intervals = True
+        self.has_intervals = about.intervals
 
     def run(self, outputs: Sequence[Expr]) -> Program:
         """Returns the program of the outputs."""

@@ -55,15 +55,16 @@ def integrate(machine: Machine, stmt: Integrate) -> list[float]:
     points = sorted([a, *((x if x < b else b) if x > a else a for x in breaks), b])
     pieces = [(p, q) for p, q in pairwise(points) if q - p > PIECE_EPS * max(abs(p), abs(q)) or (math.isinf(q - p) and p < q)]
     for p, q in pieces:
-        piece.add(p, q, (any(_is_neighbour(p - x, q - p) for x in breaks), any(_is_neighbour(x - q, q - p) for x in breaks)))
+        piece.add(p, q, (any(_is_neighbour(p - x, p, q) for x in breaks), any(_is_neighbour(x - q, p, q) for x in breaks)))
     if lo > hi:
         piece.sums = [-s for s in piece.sums]
     return [*piece.sums, *piece.errors[: len(stmt.estimates)]]
 
 
-def _is_neighbour(distance: float, length: float) -> bool:
-    """Returns whether a break at that distance from an end of a piece of that length is a neighbour."""
-    return AT_END * length < distance < NEIGHBOUR * length and math.isfinite(length)
+def _is_neighbour(distance: float, p: float, q: float) -> bool:
+    """Returns whether a break at that distance from an end of the piece (p, q) is a neighbour."""
+    least = max(AT_END * (q - p), PIECE_EPS * max(abs(p), abs(q)))
+    return least < distance < NEIGHBOUR * (q - p) and math.isfinite(q - p)
 
 
 @dataclass
