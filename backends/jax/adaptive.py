@@ -38,7 +38,8 @@ def integral(
     """
     tol, first, order, closed = rule
     nodes = _Nodes.of((first, order), watched > 0, closed)
-    how = _How(pieces._replace(adaptive=True), tol, nodes, watched, closed, guard)
+    pieces = pieces._replace(adaptive=True)
+    how = _How(pieces, tol, nodes, watched, closed, guard)
     return integrate(pieces, partial(_piece, how), *integral, when=when)
 
 

@@ -289,12 +289,12 @@ class BreakAnalysis:
         return self._coefficients[key]
 
     def vertex(self, f: Expr, x: Var) -> Expr | None:
-        """Returns the vertex in x of the first quadratic, of a function, the one it is derived from, and so on, that has a number before x²
-        and a vertex that is a sum of parameters and numbers; None if there is none."""
+        """Returns the vertex in x of the first quadratic with a number before x², of those from which f was derived and f itself, if that
+        vertex is a sum of parameters and numbers; else None."""
         if (f, x) not in self._vertices:
             before = self._derived_from.get(self.key(f))
-            own = self._own_vertex(f, x)
-            self._vertices[f, x] = own if own is not None or before is None else self.vertex(before, x)
+            vertex = None if before is None else self.vertex(before, x)
+            self._vertices[f, x] = self._own_vertex(f, x) if vertex is None else vertex
         return self._vertices[f, x]
 
     def _own_vertex(self, f: Expr, x: Var) -> Expr | None:

@@ -69,6 +69,36 @@ ADAPTIVE = (
         1e-13,
     ),
     Case(
+        "a slow part, √(x - p0), behind a fast one: it counts that p0 is a break beside the interval, behind another one at its end",
+        program(
+            1,
+            (
+                integrate(
+                    "v9",
+                    "x0",
+                    0.0,
+                    1.0,
+                    (
+                        let("v0", "sub", "x0", "p0"),
+                        let("v1", "sqrt", "v0"),
+                        let("v2", "mul", 1e-3, "v1"),
+                        let("v3", "mul", 3.0, "x0"),
+                        let("v4", "cos", "v3"),
+                        let("v5", "add", "v2", "v4"),
+                    ),
+                    "v5",
+                    breaks=("p0", -1e-12),
+                    rule=Adaptive(1e-8),
+                ),
+            ),
+            "v9",
+        ),
+        ((-0.03, -0.01),),
+        (tuple(math.sin(3.0) / 3.0 + 2e-3 / 3.0 * ((1.0 + p) ** 1.5 - p**1.5) for p in (0.03, 0.01)),),
+        2,
+        1e-11,
+    ),
+    Case(
         "√ at one end, with and without flat ends; x² beside it; values free of the variable",
         program(
             1,
