@@ -8,7 +8,8 @@ TEG_INLINE int teg_near_turns(double x)
 }
 
 //: teg_quarter_turns
-/* x as n * pi/2 + r with |r| <= pi/4 for |x| <= 10^6; `n` holds n in its lowest bits too. The first two parts of pi/2 have 33 bits. */
+/* x as n * pi/2 + r with |r| <= pi/4 for |x| <= 10^6; `n` holds n in its lowest bits too. The first two parts of pi/2 have 33
+   bits. */
 TEG_INLINE double teg_quarter_turns(double x, double *n)
 {
     *n = x * 0.6366197723675814 + 6755399441055744.0;
