@@ -16,7 +16,7 @@ from pathlib import Path
 
 import pytest
 
-EACH, FIRST = 0.12, 0.4
+EACH, FIRST = 0.1, 0.3
 LEAST = 2
 LIST = Path(__file__).parent / "slow.txt"
 ALONE = frozenset((Path(__file__).parent / "mutation" / "alone.txt").read_text().splitlines())
