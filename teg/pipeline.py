@@ -273,7 +273,8 @@ def flat_program(
 ) -> Program:
     """Returns the flat program of outputs without δ, before the passes over flat programs. Decisions are added to `remarks`.
 
-    Closed forms on `intervals` have no pieces, whose ends an estimate of errors needs.
+    Closed forms on `intervals` have no pieces, whose ends an estimate of errors needs. Where outputs are derivatives of the
+    `differentiated` expressions, they may take the breaks of these.
     """
     outputs, differentiated = ([released(e) for e in several] for several in (outputs, differentiated))
     return checked("lower", schedule(outputs, names, how, intrinsics_for(how), remarks, About(intervals, differentiated)))
