@@ -299,11 +299,6 @@ def program_for(
     return finished(flat_program(outputs, names, how, remarks, not errors, differentiated), errors)
 
 
-def cell_program(outputs: Sequence[Expr], names: Sequence[str], how: Integration) -> Program:
-    """Returns the same for a part of a program with arrays, without estimates: these follow the loops."""
-    return program_for(outputs, names, how)
-
-
 def _expression(e: object) -> Expr:
     return e if isinstance(e, Tuple) else as_number(e)
 

@@ -28,7 +28,7 @@ from teg.evaluator.options import Options
 from teg.evaluator.timing import log, timed
 from teg.ir import simplify
 from teg.ir.arrays import Array, has_arrays
-from teg.ir.expr import Expr, Param, Tuple, Var
+from teg.ir.expr import Expr, Param, Var
 from teg.ir.index import ArrayName
 from teg.ir.still import released
 from teg.maps.diffeomorphism import Diffeomorphism
@@ -43,7 +43,7 @@ from teg.passes.normalise.integers import with_sums_of_integers
 from teg.passes.normalise.tables import with_tables
 from teg.passes.program.errors_in_loops import with_array_error_estimates
 from teg.passes.program.link import with_bodies
-from teg.pipeline import Elimination, cell_program, compiled_outputs, flat_program, flatten, jvp, normal_form, program_for
+from teg.pipeline import Elimination, compiled_outputs, flat_program, flatten, jvp, normal_form, program_for
 from teg.program import Program
 from teg.program.arrays import ArrayProgram
 
@@ -234,21 +234,26 @@ class Derivation:
     # -- with loops ----------------------------------------------------------------------------------------------------
 
     def _looped(self, wanted: Wanted, entry: int | None, errors: bool, how: Integration) -> ArrayProgram:
-        program = self.scheduled(self._looped_outputs(wanted, entry, not errors), wanted, how, unfinished=errors)
+        outputs = self._looped_outputs(wanted, entry, not errors)
+        values = outputs[: len(self.entries) if entry is None else 1] if wanted.values else self._looped_outputs(VALUE, entry, not errors)
+        program = self.scheduled(outputs, wanted, how, unfinished=errors, differentiated=cast("list[Expr]", values))
         return with_array_error_estimates(program) if errors else with_loops(program)
 
-    def scheduled(self, outputs: Sequence[Output], wanted: Wanted, how: Integration, unfinished: bool = False) -> ArrayProgram:
-        """Returns the program of some outputs, with the arguments of `wanted`; an unfinished one lacks the last passes
-        over flat programs."""
+    def scheduled(
+        self, outputs: Sequence[Output], wanted: Wanted, how: Integration, unfinished: bool = False, differentiated: Sequence[Expr] = ()
+    ) -> ArrayProgram:
+        """Returns the program of some outputs, with the arguments of `wanted`, which may be derivatives of the `differentiated`
+        expressions. An unfinished program lacks the last passes over flat programs."""
         arguments = self.arguments(wanted)
         outputs = [(output[0], released(output[1])) if isinstance(output, tuple) else released(output) for output in outputs]
 
-        def flat(cells: Sequence[Expr], names: Sequence[str]) -> Program:
-            together = cast(Tuple, canonicalise(simplify.tuple_of(*cells)))  # one surface is one expression, so that outputs share loops
-            return (flat_program if unfinished else cell_program)(list(together.children), names, how)
+        def flat(cells: Sequence[Expr], names: Sequence[str], sources: Sequence[Expr]) -> Program:
+            # one surface is one expression, so that outputs share loops
+            together, known = (flatten(canonicalise(simplify.tuple_of(*several))) for several in (cells, sources))
+            return (flat_program if unfinished else program_for)(together, names, how, differentiated=known)
 
         scalars = [p.name for p in arguments if isinstance(p, Param)]
-        return schedule_arrays(outputs, scalars, [p for p in arguments if isinstance(p, ArrayName)], flat)
+        return schedule_arrays(outputs, scalars, [p for p in arguments if isinstance(p, ArrayName)], flat, differentiated)
 
     def _looped_outputs(self, wanted: Wanted, entry: int | None, tables: bool) -> list[Output]:
         """Returns the computed numbers and arrays, without δ. With `tables`, numbers of candidates are read from these."""

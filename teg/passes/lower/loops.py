@@ -33,6 +33,7 @@ from teg.ir.index import (
     Length,
     index_leaves,
 )
+from teg.ir.integral import Integral
 from teg.ir.node import Node, postorder
 from teg.ir.partition import Partition, Pullback, SeenSum
 from teg.ir.tables import RowSum, Table, TableUnit
@@ -66,17 +67,23 @@ from teg.program.fields import renamed
 from teg.program.names import is_condition, is_parameter, parameter_number
 from teg.program.verify import verified_arrays
 
-Schedule = Callable[[Sequence[Expr], Sequence[str]], Program]
-"""Returns a flat program of scalar outputs, given these and the names of the parameters."""
+Schedule = Callable[[Sequence[Expr], Sequence[str], Sequence[Expr]], Program]
+"""Returns a flat program of scalar outputs, given these, the names of the parameters, and the integrals whose derivatives they may hold."""
 Output = Expr | tuple[Array, Expr]
 """A number, or an array and the derivative by it."""
 _Place = tuple[int | str, Expr, Expr]
 """An output, or the name of a table; an expression with units that is added to it; a weight."""
 
 
-def schedule_arrays(outputs: Sequence[Output], parameters: Sequence[str], arrays: Sequence[ArrayName], flat: Schedule) -> ArrayProgram:
-    """Returns one program for several outputs."""
-    return verified_arrays(_ArrayScheduler(parameters, arrays, flat).run(outputs), "after schedule arrays")
+def schedule_arrays(
+    outputs: Sequence[Output],
+    parameters: Sequence[str],
+    arrays: Sequence[ArrayName],
+    flat: Schedule,
+    differentiated: Sequence[Expr] = (),
+) -> ArrayProgram:
+    """Returns one program for several outputs, which may be derivatives of the `differentiated` expressions."""
+    return verified_arrays(_ArrayScheduler(parameters, arrays, flat, differentiated).run(outputs), "after schedule arrays")
 
 
 def output_of(e: Expr) -> Output:
@@ -102,10 +109,11 @@ class _Level:
 
 
 class _ArrayScheduler:
-    def __init__(self, parameters: Sequence[str], arrays: Sequence[ArrayName], flat: Schedule) -> None:
+    def __init__(self, parameters: Sequence[str], arrays: Sequence[ArrayName], flat: Schedule, differentiated: Sequence[Expr]) -> None:
         self.parameters = tuple(parameters)
         self.arrays = tuple(arrays)
         self.flat = flat
+        self._sources = _sources(differentiated)
         self._number = {a: k for k, a in enumerate(self.arrays)}
         self._count = 0
         self._depth: dict[Arg, int] = {}  # by name: the level where it is defined
@@ -407,10 +415,15 @@ class _ArrayScheduler:
         inputs = [self._leaf(leaf, level) for leaf in leaves]
         plain = [p for p in postorder(cells) if isinstance(p, Param) and p not in set(symbols.values())]
         given = [*inputs, *(self._leaf(p, level) for p in plain)]
-        program = self.flat(cells, [*(s.name for s in symbols.values()), *(p.name for p in plain)])
+        program = self.flat(cells, [*(s.name for s in symbols.values()), *(p.name for p in plain)], self._sources_of(symbols))
         program = replace(program, parameters=(*(str(leaf)[:60] for leaf in leaves), *(p.name for p in plain)))
         depths = [self._depth.get(a, 0) if isinstance(a, str) else 0 for a in given]
         return self._split(level, program, given, depths)
+
+    def _sources_of(self, symbols: Mapping[Expr, Param]) -> list[Expr]:
+        """Returns the integrals whose derivatives may be in a cell: those that need no other leaves than it has."""
+        near = [source for first in (None, *symbols) for source in self._sources.get(first, ())]
+        return replaced([i for i, leaves in near if leaves <= symbols.keys()], cast("Mapping[Node, Expr]", symbols)) if near else []
 
     def _split(self, level: _Level, program: Program, given: Sequence[Arg], depths: Sequence[int]) -> list[Arg]:
         """Returns the results of a flat program that is cut: statements without an inner index go further out. Values that meet ties stay
@@ -456,3 +469,22 @@ def _padded(node: Partition, order: int, shape: Layout, numbers: Sequence[Expr],
     `length` is the distance between both."""
     own = node.layout.coefficients
     return [*numbers[order * length : order * length + own], *[ZERO] * (shape.coefficients - own)]
+
+
+def _sources(roots: Sequence[Expr]) -> dict[Expr | None, list[tuple[Expr, frozenset[Expr]]]]:
+    """Returns the outermost integrals of all cells, each with its leaves, by the first of these; None for one without leaves."""
+    found: dict[Expr | None, list[tuple[Expr, frozenset[Expr]]]] = {}
+    seen: set[Node] = set()
+    waiting: list[Node] = list(roots)
+    while waiting:
+        node = waiting.pop()
+        if node in seen:
+            continue
+        seen.add(node)
+        if isinstance(node, Integral):
+            leaves = cell_leaves([node])
+            found.setdefault(leaves[0] if leaves else None, []).append((node, frozenset(leaves)))
+            waiting += leaves
+        else:
+            waiting += node.children
+    return found
