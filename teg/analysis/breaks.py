@@ -19,6 +19,7 @@ from typing import cast
 
 from teg.analysis.branches import branches_of, cases_of
 from teg.analysis.isolation import MAX_ROOTS, Isolation, Location, isolate, locate
+from teg.analysis.kinks import EXTREMES, kink_of
 from teg.analysis.polynomial import Degrees, Point, Poly, Ratio, Shadow
 from teg.analysis.projection import Contribution, Projection, Turn, near, within
 from teg.analysis.roots import Roots, far_origin, quadratic_coefficients, quadratic_roots, solve, tidy
@@ -212,9 +213,9 @@ class BreakAnalysis:
             if isinstance(node, Call) and not counts and node.name in _PARTIAL and not node.free & inner and not _is_sum_of_squares(node):
                 collected.functions[node.children[0]] = TRUE  # the border of the set on which the condition is a number
             if isinstance(node, Call) and not node.free & inner:
-                if node.name == "magnitude":
+                if node.name in EXTREMES:
                     if counts:
-                        collected.functions[node.children[0]] = TRUE
+                        collected.functions[kink_of(node)] = TRUE
                 elif node.name in ("sqrt", "root", "pow"):
                     for factor in _factors(node.children[0], x) if counts else ():
                         collected.functions[factor] = TRUE

@@ -17,6 +17,7 @@ from typing import cast
 
 from teg.analysis.calculus import slope
 from teg.analysis.intervals import Enclosure
+from teg.analysis.kinks import is_extreme
 from teg.analysis.polynomial import Shadow
 from teg.analysis.roots import outermost
 from teg.errors import NotDifferentiableError
@@ -289,7 +290,7 @@ def max_roots(g: Expr, x: Var, limit: int = MAX_ROOTS) -> int:
         return max(max_roots(g.then, x, limit), max_roots(g.otherwise, x, limit))
     kinks = 0
     for node in postorder([g]):
-        if x in node.free and (isinstance(node, Where) or (isinstance(node, Call) and node.name == "magnitude")):
+        if x in node.free and (isinstance(node, Where) or is_extreme(node)):
             kinks += 1
     smooth = _of_smooth(g, x)
     if smooth is None:
@@ -316,4 +317,4 @@ def _of_smooth(g: Expr, x: Var) -> int | None:
 
 def _functions(g: Expr, x: Var) -> list[Expr]:
     """Returns the outermost functions that depend on x."""
-    return outermost(g, x, lambda e: isinstance(e, Call) and e.name != "magnitude")
+    return outermost(g, x, lambda e: isinstance(e, Call) and not is_extreme(e))

@@ -16,6 +16,7 @@ from typing import Any, cast
 
 from teg.analysis.calculus import factor_cofactors
 from teg.analysis.coincidence import ZeroSet
+from teg.analysis.kinks import Extremes
 from teg.analysis.limits import Poles
 from teg.analysis.polynomial import Point
 from teg.analysis.singularities import fades_at
@@ -28,12 +29,16 @@ from teg.ir.simplify import add, mul, sub, where
 from teg.ir.traverse import rebuild, replace_node
 
 
-def _containing(root: Node, surface: Expr) -> list[Node]:
-    """Returns the nodes that contain the surface (outside of resolutions), children first."""
+def _containing(root: Node, surface: Expr, jumping: bool = False) -> list[Node]:
+    """Returns the nodes that contain the surface (outside of resolutions), children first; with `jumping`, without kinks on it, on whose
+    sides they have the same limit."""
     contains: dict[Node, bool] = {}
     order: list[Node] = []
+    extremes = Extremes()
     for node in postorder([root]):
         children = node.children[:1] if isinstance(node, Compare) else node.children
+        if jumping and isinstance(node, Where) and isinstance(node.condition, Compare) and node.condition.g is surface:
+            children = node.children[1:] if extremes.is_kink(node) and not Poles(surface).has(node) else children
         contains[node] = (isinstance(node, Compare) and node.g is surface) or any([contains[c] for c in children])
         if contains[node]:
             order.append(node)
@@ -59,8 +64,8 @@ def assign(e: Node, surface: Expr, value: bool) -> Node:
 
 def jump(e: Expr, surface: Expr) -> Expr:
     """Returns F|g:=true - F|g:=false of the whole expression."""
-    order = _containing(e, surface)
-    if not order:
+    order = _containing(e, surface, jumping=True)
+    if not order or order[-1] is not e:
         return ZERO
     one, zero = (_assign(order, surface, side) for side in (TRUE, FALSE))
     poles = Poles(surface)

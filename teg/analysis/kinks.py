@@ -1,48 +1,77 @@
-"""Continuous branches as absolute values, so that a surface with many kinks stays one surface.
+"""Continuous branches as extremes, so that a surface with many kinks stays one surface.
 
-    where(h > 0, p, q)  =  ½(p + q) ± ½|p - q|        if p - q = k·h with a number k; ± is the sign of k
+    where(h > 0, p, q)  =  max(p, q)  or  min(p, q)        if p - q = k·h with a number k, by the sign of k
 
-`abs`, `minimum` and `maximum` are such branches. Hoisting n of them out of a condition makes 2ⁿ cases. As |·| (the function `magnitude`,
-which has no surface of its own) they make none, and the roots of the whole are isolated at run time, between the kinks. Linear.
+`abs`, `minimum` and `maximum` are such branches. Hoisting n of them out of a condition makes 2ⁿ cases. As extremes (the functions `max`,
+`min`, and `magnitude` for abs, which have no surface of their own) they make none, and the roots of the whole are isolated at run time,
+between the kinks. Linear.
 """
 
 from __future__ import annotations
 
+from collections.abc import Container
 from typing import cast
 
 from teg.analysis.polynomial import Point
-from teg.ir.expr import MINUS_ONE, Add, Call, Compare, Expr, Mul, Pow, Where, const
+from teg.ir.expr import MINUS_ONE, Add, Call, Compare, Cond, Expr, Mul, Pow, Where
 from teg.ir.node import Node
-from teg.ir.simplify import add, call, mul, sub
+from teg.ir.simplify import call, mul, sub
 from teg.ir.traverse import rebuild
 from teg.numerics.field import divided, sign_of_residue
+
+EXTREMES = ("magnitude", "min", "max")
+"""The functions with kinks."""
+
+
+def is_extreme(e: Node) -> bool:
+    """Returns whether a node is a function with a kink."""
+    return isinstance(e, Call) and e.name in EXTREMES
+
+
+def kink_of(e: Call) -> Expr:
+    """Returns what is 0 at the kink of an extreme."""
+    return e.children[0] if e.name == "magnitude" else sub(*e.children)
 
 
 def kinks_of(g: Expr) -> list[Where]:
     """Returns the branches in value position whose conditions depend on variables."""
-    kinks: dict[Where, None] = {}
-    for node in value_nodes(g):
-        if isinstance(node, Where) and node.condition.free:
-            kinks[node] = None
-    return list(kinks)
+    return [node for node in value_nodes(g) if isinstance(node, Where) and node.condition.free]
 
 
-def with_sizes(g: Expr) -> Expr:
-    """Returns g with its continuous branches written as absolute values."""
-    new: dict[Node, Node] = {}
-    for node in value_nodes(g):
-        result = cast(Expr, rebuild(node, tuple([new.get(c, c) for c in node.children])))
-        if isinstance(result, Where) and result.condition.free:
-            result = _as_size(result)
-        new[node] = result
-    return cast(Expr, new[g])
+class Extremes:
+    """Functions with their continuous branches written as extremes. What functions share is written once."""
+
+    def __init__(self) -> None:
+        self._new: dict[Expr, Expr] = {}
+
+    def of(self, g: Expr) -> Expr:
+        """Returns g with its continuous branches, in value position, written as extremes."""
+        new = self._new
+        for node in value_nodes(g, new):
+            result = cast(Expr, rebuild(node, tuple([new.get(cast(Expr, c), c) for c in node.children])))
+            if isinstance(result, Where) and result.condition.free:
+                result = _as_extreme(result)
+            new[node] = result
+        return new[g]
+
+    def is_kink(self, e: Where) -> bool:
+        """Returns whether `e` is continuous where its condition is 0, which may have extremes where the branches of `e` have branches."""
+        if sign_of_kink(e):
+            return True
+        if not isinstance(e.condition, Compare) or not any(map(is_extreme, value_nodes(e.condition.g))):
+            return False
+        return bool(_sign(e.condition, self.of(e.then), self.of(e.otherwise)))
 
 
 def sign_of_kink(e: Where) -> int:
     """Returns 1 for the maximum of both branches of `e`, -1 for their minimum, and 0 for another branch."""
-    if not isinstance(e.condition, Compare) or e.condition.resolution is not None:
+    return _sign(e.condition, e.then, e.otherwise)
+
+
+def _sign(condition: Cond, then: Expr, otherwise: Expr) -> int:
+    if not isinstance(condition, Compare) or condition.resolution is not None:
         return 0
-    h, difference = e.condition.g, sub(e.then, e.otherwise)
+    h, difference = condition.g, sub(then, otherwise)
     ratios: list[int] = []
     for trial in ("first", "second"):
         of_h, of_difference = (Point(trial).value(u) for u in (h, difference))
@@ -53,16 +82,19 @@ def sign_of_kink(e: Where) -> int:
     return int(sign or 0)
 
 
-def _as_size(e: Where) -> Expr:
-    sign, difference = sign_of_kink(e), sub(e.then, e.otherwise)
+def _as_extreme(e: Where) -> Expr:
+    sign = sign_of_kink(e)
     if not sign:
         return e
-    size = mul(const(0.5), call("magnitude", difference))
-    return add(mul(const(0.5), add(e.then, e.otherwise)), size if sign > 0 else mul(MINUS_ONE, size))
+    if e.otherwise is mul(MINUS_ONE, e.then):
+        size = call("magnitude", e.then)
+        return size if sign > 0 else mul(MINUS_ONE, size)
+    return call("max" if sign > 0 else "min", e.then, e.otherwise)
 
 
-def value_nodes(g: Expr) -> list[Expr]:
-    """Returns the nodes of g in value position, children first; nodes of conditions and inside integrals are left out."""
+def value_nodes(g: Expr, known: Container[Expr] = ()) -> list[Expr]:
+    """Returns the nodes of g in value position, children first, but for those that are `known`; nodes of conditions and inside integrals
+    are left out."""
     order: list[Expr] = []
     done: set[Expr] = set()
     stack: list[tuple[Expr, bool]] = [(g, False)]
@@ -70,7 +102,7 @@ def value_nodes(g: Expr) -> list[Expr]:
         node, ready = stack.pop()
         if ready:
             order.append(node)
-        elif node not in done:
+        elif node not in done and node not in known:
             done.add(node)
             stack.append((node, True))
             if isinstance(node, Where):

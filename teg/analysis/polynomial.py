@@ -30,10 +30,10 @@ Ratio = tuple[Poly, Poly]
 class Shadow:
     """Expressions as rational functions of `variables` over GF(P); everything else is a random element.
 
-    A `where` is its second branch plus a random multiple of the difference; with `kinks`, |u| is a random multiple of u. Both have the
-    right degree on a piece where no condition changes. Without `kinks` an |u| of the variables is not rational. `integral` may return
-    the shadow of an integral that depends on the variables; by default that is None, which means "not known to be rational". `leaves`
-    fixes the elements of chosen parameters and variables.
+    A `where` is its second branch plus a random multiple of the difference; with `kinks`, |u| is a random multiple of u, and max and min
+    are like a `where`. All have the right degree on a piece where no condition changes. Without `kinks` those of the variables are not
+    rational. `integral` may return the shadow of an integral that depends on the variables; by default that is None, which means "not
+    known to be rational". `leaves` fixes the elements of chosen parameters and variables.
     """
 
     def __init__(
@@ -126,11 +126,7 @@ class Shadow:
             case Pow():
                 return self._power(known[node.base], node.exponent)
             case Where():
-                a, b = known[node.then], known[node.otherwise]
-                if a is None or b is None:
-                    return None
-                r = self._random("condition", digest(node.condition))
-                return self._sum([self._scale(a, r), self._scale(b, 1 - r)])
+                return self._either(known[node.then], known[node.otherwise], self._random("condition", digest(node.condition)))
             case Apply():
                 return self._apply(node)
             case Call():
@@ -142,6 +138,9 @@ class Shadow:
             case _:
                 return None
 
+    def _either(self, a: Ratio | None, b: Ratio | None, r: int) -> Ratio | None:
+        return None if a is None or b is None else self._sum([self._scale(a, r), self._scale(b, 1 - r)])
+
     def _depends(self, node: Expr) -> bool:
         if any(v in node.free for v in self._index):
             return True
@@ -151,6 +150,8 @@ class Shadow:
         arguments = [self._known[c] for c in node.children]
         if node.name == "magnitude" and (self._kinks or not self._depends(node)):
             return None if arguments[0] is None else self._scale(arguments[0], self._random("sign", digest(node)))
+        if node.name in ("min", "max") and self._kinks and self._depends(node):
+            return self._either(*arguments, self._random("side", digest(node)))
         values = []
         for ratio in arguments:
             if ratio is None or not self._is_constant(ratio[1]) or (ratio[0] and not self._is_constant(ratio[0])):

@@ -23,7 +23,7 @@ from teg.analysis.antiderivative import integrated
 from teg.analysis.coincidence import short_form
 from teg.analysis.expanded import shorter_form
 from teg.analysis.jumps import assign
-from teg.analysis.kinks import kinks_of, with_sizes
+from teg.analysis.kinks import Extremes, kinks_of, sign_of_kink, value_nodes
 from teg.analysis.polynomial import Point, Shadow
 from teg.analysis.surfaces import atoms_of, binders_inside
 from teg.ir import expr as ex
@@ -55,11 +55,12 @@ class Canonical:
         self._points = (Point("first"), Point("second"))
         self._known: dict[int, Expr] = {}
         self._new: dict[Node, Node] = {}
+        self._extremes = Extremes()
 
     def __call__(self, root: Expr) -> Expr:
         """Returns the program with canonical atoms and split integrals. Its value is the same."""
         new, order = self._new, postorder([rename_apart(root)])
-        deciding = _deciding_integrals(order)
+        deciding, whole = _deciding_integrals(order), _many_kinks(order)
         for node in order:
             if node in new:
                 continue
@@ -68,7 +69,7 @@ class Canonical:
                 result = self(polynomial)
             if isinstance(result, Compare):
                 if result.resolution is None:
-                    result = self._atom(result.g, result.strict, MAX_HOISTED)
+                    result = self._atom(self._extremes.of(result.g) if node in whole else result.g, result.strict, MAX_HOISTED)
                 else:
                     result = self._tied(result, MAX_HOISTED)
             elif isinstance(result, Delta):
@@ -88,8 +89,6 @@ class Canonical:
     # -- atoms ---------------------------------------------------------------------------------------------------------
 
     def _atom(self, g: Expr, strict: bool, hoists: int) -> Cond:
-        if hoists == MAX_HOISTED and len(kinks_of(g)) > MAX_KINKS:
-            g = with_sizes(g)
         inner = _inner_condition(g) if hoists else None
         if inner is not None:
             then = self._atom(_decide(g, inner, True), strict, hoists - 1)
@@ -193,6 +192,33 @@ def _deciding_integrals(order: list[Node]) -> set[Node]:
     return {n for n in postorder(atoms) if isinstance(n, Integral) and n.free} if atoms else set()
 
 
+def _many_kinks(order: list[Node]) -> set[Compare]:
+    """Returns the atoms with more than `MAX_KINKS` kinks, and those of all kinks in them: their kinks stay as they are."""
+    few: dict[Node, frozenset[Node]] = {}
+    none: frozenset[Node] = frozenset()
+    many: set[Compare] = set()
+    waiting: list[Expr] = []
+    for node in order:
+        if isinstance(node, Add | Mul | Pow | Call):
+            few[node] = none.union(*(few[c] for c in node.children))
+        elif isinstance(node, Where) and node.condition.free:
+            few[node] = frozenset((node,)) | few[node.then] | few[node.otherwise]
+        else:
+            few[node] = few[node.then] | few[node.otherwise] if isinstance(node, Where) else none
+        if len(few[node]) > MAX_KINKS + 1:
+            few[node] = frozenset(sorted(few[node], key=id)[: MAX_KINKS + 1])
+        if isinstance(node, Compare) and len(few[node.g]) > MAX_KINKS:
+            many.add(node)
+            waiting.append(node.g)
+    seen: set[Expr] = set()
+    for g in waiting:
+        for kink in value_nodes(g, seen):
+            seen.add(kink)
+            if isinstance(kink, Where) and isinstance(kink.condition, Compare) and sign_of_kink(kink):
+                many.add(kink.condition)
+    return many
+
+
 def _side(surface: tuple[Expr, bool], strict: bool, upward: bool) -> Cond:
     """Returns [g > 0] (or >=), or [g < 0], as a condition on the representative of a surface."""
     g, same = surface
@@ -203,7 +229,7 @@ def _side(surface: tuple[Expr, bool], strict: bool, upward: bool) -> Cond:
 
 def _split_delta(d: Delta, hoists: int) -> Expr:
     """Returns δ(where(b, u, v)) as where(b, δ(u), δ(v)): equal almost everywhere, because a condition's own border is no root."""
-    g = with_sizes(d.g) if hoists == MAX_HOISTED and len(kinks_of(d.g)) > MAX_KINKS else d.g
+    g = Extremes().of(d.g) if hoists == MAX_HOISTED and len(kinks_of(d.g)) > MAX_KINKS else d.g
     inner = _inner_condition(g) if hoists else None
     if inner is None:
         return _cleared_delta(g)
