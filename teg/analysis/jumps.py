@@ -29,20 +29,36 @@ from teg.ir.simplify import add, mul, sub, where
 from teg.ir.traverse import rebuild, replace_node
 
 
-def _containing(root: Node, surface: Expr, jumping: bool = False) -> list[Node]:
-    """Returns the nodes that contain the surface (outside of resolutions), children first; with `jumping`, without kinks on it, on whose
-    sides they have the same limit."""
+def _containing(root: Node, surface: Expr) -> list[Node]:
+    """Returns the nodes that contain the surface (outside of resolutions), children first."""
     contains: dict[Node, bool] = {}
     order: list[Node] = []
-    extremes = Extremes()
     for node in postorder([root]):
         children = node.children[:1] if isinstance(node, Compare) else node.children
-        if jumping and isinstance(node, Where) and isinstance(node.condition, Compare) and node.condition.g is surface:
-            children = node.children[1:] if extremes.is_kink(node) and not Poles(surface).has(node) else children
         contains[node] = (isinstance(node, Compare) and node.g is surface) or any([contains[c] for c in children])
         if contains[node]:
             order.append(node)
     return order
+
+
+def _jumping(order: list[Node], surface: Expr, poles: Poles) -> list[Node]:
+    """Returns the nodes that may jump, of those that contain the surface: a kink on it has one limit from both sides, and so has what is
+    made of kinks, but for their quotients with what is 0 there."""
+    if any((isinstance(n, Call) and n.name in ("pow", "log")) or poles.has(n) or any(map(poles.has, n.children)) for n in order):
+        return order
+    extremes, jumping = Extremes(), set(order)
+    kept: list[Node] = []
+    for node in order:
+        parts = node.children
+        if isinstance(node, Where) and isinstance(node.condition, Compare) and node.condition.g is surface and extremes.is_kink(node):
+            parts = node.children[1:]
+        if any(c in jumping for c in parts[: 1 if isinstance(node, Compare) else None]) or (
+            isinstance(node, Compare) and node.g is surface
+        ):
+            kept.append(node)
+        else:
+            jumping.discard(node)
+    return kept
 
 
 def _assign(order: list[Node], surface: Expr, value: Cond, limit: Callable[[Node], Node] = lambda node: node) -> dict[Node, Node]:
@@ -64,11 +80,11 @@ def assign(e: Node, surface: Expr, value: bool) -> Node:
 
 def jump(e: Expr, surface: Expr) -> Expr:
     """Returns F|g:=true - F|g:=false of the whole expression."""
-    order = _containing(e, surface, jumping=True)
+    poles = Poles(surface)
+    order = _jumping(_containing(e, surface), surface, poles)
     if not order or order[-1] is not e:
         return ZERO
     one, zero = (_assign(order, surface, side) for side in (TRUE, FALSE))
-    poles = Poles(surface)
     limits = {n for n in order if isinstance(n, Mul | Where) and any([poles.has(v[n]) for v in (one, zero)])}
     if limits:
         one, zero = (_assign(order, surface, side, poles.limit) for side in (TRUE, FALSE))

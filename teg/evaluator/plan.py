@@ -236,7 +236,9 @@ class Derivation:
     def _looped(self, wanted: Wanted, entry: int | None, errors: bool, how: Integration) -> ArrayProgram:
         outputs = self._looped_outputs(wanted, entry, not errors)
         values = outputs[: len(self.entries) if entry is None else 1] if wanted.values else self._looped_outputs(VALUE, entry, not errors)
-        program = self.scheduled(outputs, wanted, how, unfinished=errors, differentiated=cast("list[Expr]", values))
+        program = self.scheduled(
+            outputs, wanted, how, unfinished=errors, differentiated=[v if isinstance(v, Expr) else v[1] for v in values]
+        )
         return with_array_error_estimates(program) if errors else with_loops(program)
 
     def scheduled(

@@ -4,7 +4,8 @@
     g > 0   →   (c ∧ g₁ > 0) ∨ (¬c ∧ g₂ > 0)           if where(c, …, …) is another branch of g, and g₁, g₂ are g on its sides
 
 The first form has no condition where two functions of a maximum are equal, because no border of g > 0 is there. Cost: the number of
-results, at most `MOST_ATOMS` for a condition; where it had more a condition stays as it is.
+results, at most `MOST_ATOMS` for a condition; where it had more a condition stays as it is. Conditions on functions that are smooth but not
+affine get the first form, if it is short (`with_smooth_atoms`): `[minimum(f, g) < 0]` is [f < 0] or [g < 0].
 """
 
 from __future__ import annotations
@@ -14,14 +15,20 @@ from collections.abc import Callable, Sequence
 from itertools import product
 from typing import cast
 
+from teg.analysis.breaks import is_sum_of_squares
 from teg.analysis.kinks import kinks_of, sign_of_kink, value_nodes
 from teg.ir.cells import Symbols
-from teg.ir.expr import Add, Compare, Cond, Const, Expr, Mul, Where, const
+from teg.ir.expr import Add, Call, Compare, Cond, Const, Expr, Mul, Pow, Where, const
+from teg.ir.function import Apply
+from teg.ir.integral import Integral
 from teg.ir.node import Node, postorder
 from teg.ir.simplify import add, conjunction, disjunction, mul, negation, positive
 from teg.ir.traverse import replace_node, rewrite
 
 MOST_ATOMS = 64
+FEW_ATOMS = 12
+"""The largest number of smooth functions that a condition on extremes of them is written as."""
+_TOTAL = frozenset(("exp", "expm1", "sin", "cos", "sinh", "cosh", "tanh", "atan", "erf", "erfc", "magnitude", "min", "max"))
 MOST_DEPTH = 8
 """The number of branches that may stand in conditions of each other."""
 
@@ -40,6 +47,33 @@ def with_affine_atoms(condition: Cond) -> Cond:
         if cell is before:
             break
     return cast(Cond, cast(Node, symbols.out_of([cell])[0]))
+
+
+def with_smooth_atoms(root: Expr) -> Expr:
+    """Returns the program with conditions on extremes as conditions on what these are taken of, where they are few and numbers everywhere.
+
+    The condition that decides an extreme itself stays: it is no border.
+    """
+    order = postorder([root])
+    kinks = {n for n in order if isinstance(n, Where) and n.condition.free and sign_of_kink(n)}
+    own = {n.condition for n in kinks}
+    chosen: dict[Node, Cond] = {}
+    for atom in order if kinks else ():
+        if isinstance(atom, Compare) and atom.free and atom.resolution is None and atom not in own and kinks_of(atom.g):
+            parts = _alternatives(atom.g) if _is_a_number(atom.g) else None
+            if isinstance(parts, list) and sum(map(len, parts)) <= FEW_ATOMS:
+                chosen[atom] = disjunction(*(conjunction(*(positive(f, atom.strict) for f in part)) for part in parts))
+    return cast(Expr, rewrite([root], lambda old, new: chosen.get(old, new))[root]) if chosen else root
+
+
+def _is_a_number(g: Expr) -> bool:
+    """Returns whether a function has a value everywhere, as far as its operations say: what NaN does depends on how a condition is written."""
+    return not any(
+        isinstance(n, Integral | Apply)
+        or (isinstance(n, Call) and n.name not in _TOTAL and n.free and not (n.name == "sqrt" and is_sum_of_squares(n)))
+        or (isinstance(n, Pow) and n.exponent < 0 and n.free)
+        for n in value_nodes(g)
+    )
 
 
 def _visit(_: Node, node: Node) -> Node:

@@ -11,7 +11,7 @@ import pytest
 
 import teg
 from teg.analysis.isolation import MAX_ROOTS, isolate, max_roots
-from teg.analysis.kinks import kinks_of, with_sizes
+from teg.analysis.kinks import Extremes, kinks_of
 from teg.ir.expr import Where
 from teg.ir.integral import PointMasses
 from teg.ir.node import postorder
@@ -43,7 +43,7 @@ def test_matches() -> None:
         (teg.sin(3 * x) - t, MAX_ROOTS),
         (x**40 - t, 40),
         (x**400 - t, MAX_ROOTS),
-        (with_sizes(teg.abs(x) + teg.abs(x - 1) - t), 7),
+        (Extremes().of(teg.abs(x) + teg.abs(x - 1) - t), 7),
     ],
     ids=str,
 )
@@ -107,14 +107,14 @@ def test_a_bracket_beside_a_root() -> None:
 def test_continuous_branches_become_sizes() -> None:
     e = teg.abs(x - a) + teg.minimum(x, t) - teg.maximum(2 * x, 1 - x)
     assert len(kinks_of(e)) == 3
-    smooth = with_sizes(e)
+    smooth = Extremes().of(e)
     assert not any(isinstance(n, Where) for n in postorder([smooth]))
     for at in ((0.3, 0.1, 0.7), (-2.0, 0.4, -1.0)):
         values = dict(zip("xat", at, strict=True))
         pair = [teg.evaluate(teg.integral(u, (x, values["x"], values["x"] + 1)), {"a": values["a"], "t": values["t"]}) for u in (e, smooth)]
         assert pair[0] == pytest.approx(pair[1], rel=1e-12)
     jump = teg.where(x < t, 1.0, 2.0 + x)
-    assert with_sizes(jump) is jump
+    assert Extremes().of(jump) is jump
 
 
 @pytest.mark.parametrize("n", [3, 5, 10, 20])

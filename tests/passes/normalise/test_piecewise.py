@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 import random
 from collections.abc import Iterator
 
@@ -13,7 +14,7 @@ import teg
 from teg.analysis.kinks import kinks_of
 from teg.ir.expr import Compare
 from teg.ir.node import postorder
-from teg.passes.normalise.piecewise import with_affine_atoms
+from teg.passes.normalise.piecewise import with_affine_atoms, with_smooth_atoms
 
 X, Y = teg.vars("x y")
 T = teg.param("t")
@@ -62,6 +63,67 @@ def test_conditions_keep_their_meaning() -> None:
             first, second = teg.evaluate(teg.substitute(both, at))
             assert float(first) == float(second), (seed, before, at)
     assert whole <= 3  # too long ones stay as they are
+
+
+def test_extremes_in_conditions() -> None:
+    """What an extreme is taken of decides; the condition of the extreme itself is no border, and a function that may be NaN stays."""
+    f, g = X * X + Y * Y - T, X * Y - 0.25
+
+    def smooth(condition: object) -> str:
+        return str(with_smooth_atoms(teg.bracket(condition)))
+
+    assert smooth(teg.minimum(f, g) < 0) == smooth((f < 0) | (g < 0))
+    assert smooth(teg.maximum(f, g, X - Y) < T) == smooth((f < T) & (g < T) & (X - Y < T))
+    assert smooth(teg.abs(f) < T) == smooth((f < T) & (-f < T))
+    for whole in (
+        teg.maximum(teg.sqrt(X - T), Y),
+        teg.maximum(teg.log(X * X), Y),
+        teg.minimum(1 / (X - T), Y),
+        teg.maximum(f, g) * f,
+        teg.exp(teg.maximum(f, g)),
+    ):
+        assert smooth(whole > 0.3) == str(teg.bracket(whole > 0.3))
+    assert with_smooth_atoms(teg.maximum(f, g)) is teg.maximum(f, g)
+
+
+def _cut_off(r: float, d: float) -> float:
+    """Returns the area of the part of a disk of radius r behind a line whose distance from its centre is d."""
+    return r * r * math.acos(d / r) - d * math.sqrt(r * r - d * d)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_shapes_by_distances(backend: str) -> None:
+    """A union, an intersection, and a difference of disks, and a diamond, as functions that are below 0 inside: areas in closed form."""
+    near, far = (teg.sqrt((X - c) ** 2 + (Y - 0.5) ** 2) - T for c in (0.35, 0.65))
+    squared, other = ((X - c) ** 2 + (Y - 0.5) ** 2 - T * T for c in (0.35, 0.65))
+    shapes = [
+        teg.minimum(near, far),
+        teg.minimum(squared, other),
+        teg.maximum(squared, other),
+        teg.maximum(squared, -other),
+        teg.abs(X - 0.5) + teg.abs(Y - 0.5) - T,
+    ]
+    few = slice(4, 5) if backend == "jax" else slice(5)
+    f = teg.compile(teg.tuple(*(teg.integral(teg.bracket(s < 0), (X, 0, 1), (Y, 0, 1)) for s in shapes[few])), [T], backend=backend)
+    values, slopes = f.value_and_grad(t=0.25)
+    r, d = 0.25, 0.15
+    disk, lens, arc = math.pi * r * r, 2 * _cut_off(r, d), 4 * r * math.acos(d / r)
+    assert list(values) == pytest.approx([*[2 * disk - lens] * 2, lens, disk - lens, 2 * r * r][few], rel=1e-11)
+    around = 2 * math.pi * r
+    assert list(slopes["t"]) == pytest.approx([*[2 * around - arc] * 2, arc, around - arc, 4 * r][few], rel=1e-9)
+
+
+def test_many_disks_by_their_distances() -> None:
+    """Four overlapping disks as one minimum are what they are as alternatives."""
+    rng = np.random.default_rng(1)
+    disks = [(X - u) ** 2 + (Y - v) ** 2 - T * w for u, v, w in rng.uniform(0.2, 0.8, (4, 3))]
+    inside = teg.minimum(*disks) < 0
+    any_of = disks[0] < 0
+    for disk in disks[1:]:
+        any_of = any_of | (disk < 0)
+    first, second = (teg.compile(teg.integral(teg.bracket(c), (X, 0, 1), (Y, 0, 1)), [T]).value_and_grad(t=0.06) for c in (inside, any_of))
+    assert first[0] == pytest.approx(second[0], rel=1e-10)
+    assert first[1]["t"] == pytest.approx(second[1]["t"], rel=1e-10)
 
 
 def _squares(c: np.ndarray, r: float) -> float:
