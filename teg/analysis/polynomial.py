@@ -151,7 +151,7 @@ class Shadow:
         if node.name == "magnitude" and (self._kinks or not self._depends(node)):
             return None if arguments[0] is None else self._scale(arguments[0], self._random("sign", digest(node)))
         if node.name in ("min", "max") and self._kinks and self._depends(node):
-            return self._either(*arguments, self._random("side", digest(node)))
+            return self._either(arguments[0], arguments[1], self._random("side", digest(node)))
         values = []
         for ratio in arguments:
             if ratio is None or not self._is_constant(ratio[1]) or (ratio[0] and not self._is_constant(ratio[0])):

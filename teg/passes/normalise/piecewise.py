@@ -67,7 +67,7 @@ def with_smooth_atoms(root: Expr) -> Expr:
 
 
 def _is_a_number(g: Expr) -> bool:
-    """Returns whether a function has a value everywhere, as far as its operations say: what NaN does depends on how a condition is written."""
+    """Returns whether a function has a value everywhere, as far as its operations say: what NaN does depends on the form of a condition."""
     return not any(
         isinstance(n, Integral | Apply)
         or (isinstance(n, Call) and n.name not in _TOTAL and n.free and not (n.name == "sqrt" and is_sum_of_squares(n)))
