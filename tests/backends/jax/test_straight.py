@@ -93,6 +93,16 @@ def test_most_stout_triangles_are_good_and_none_outside_of_the_box_is_bad() -> N
         assert np.mean(np.broadcast_to(good, (500,))) >= least, shift
 
 
+def test_products_to_which_something_is_added_have_one_rounding() -> None:
+    """A product with a power of two is exact, and no sum is made of one that is compared, or multiplied again."""
+    lines = [text.strip() for text in (straight(program_of("linear"), DIALECT) or "").splitlines()]
+    guarded = [text for text in lines if text.endswith(" + zero")]
+    assert 40 < len(guarded) < 120
+    assert not [text for text in guarded if " 0.5 " in text or " 2.0 " in text]
+    name = guarded[-1].split(" = ")[0]
+    assert any(name in text.split(" = ")[1].split() for text in lines if " + " in text or " - " in text)
+
+
 def test_programs_without_a_line(monkeypatch: pytest.MonkeyPatch) -> None:
     x, t = teg.var("x"), teg.param("t")
     program = teg.compile(teg.integral(teg.bracket(x < t) * teg.exp(x), (x, 0, 1)), [t], backend="numpy").program(1)
