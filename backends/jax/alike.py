@@ -10,6 +10,8 @@ Two texts are compared from their results on, so the order of their statements d
 value may be negated in one of them. The operands of a sum or a product of two may stand in another order. Statements of a row must not need
 results of another one.
 
+Of two integrals the one with fewer breaks gets some that are NaN, which are none.
+
 Where two texts have different operations, or read different variables, every row computes what any row needs there, and selects its own:
 
     ∫ f(sin x, x) dx, ∫ f(y, cos y) dy        →        for each row of (c) = (false), (true): ∫ f(c ? x : sin x, c ? cos x : x) dx
@@ -21,13 +23,14 @@ statements that they stand for (`SPARED`). Ties are never computed for other row
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import count
 from typing import Annotated, Any
 
 from teg.backends.branches import Uses
-from teg.program import Adaptive, Arg, Assign, Isolate, Locate, Program, assigned, free_names, statements
+from teg.program import Adaptive, Arg, Assign, Integrate, Isolate, Locate, Program, assigned, free_names, statements
 from teg.program.dce import without_dead_code
 from teg.program.fields import Block, Operand, Part, Result, Variable, declared, inner_blocks, operands, with_blocks
 from teg.program.walk import free_in
@@ -165,7 +168,7 @@ def _rows(stmts: Sequence[Any], group: Sequence[Any], needed: set[str], numbers:
     own = {s.name: s for s in stmts if isinstance(s, Assign) and s.name not in others}
     matching = _Matching(len(group), own, numbers)
     try:
-        body = matching.statement(group)
+        body = matching.statement(_with_as_many_breaks(group))
     except (Unlike, RecursionError):  # texts that are nested too deeply are left as they are
         return None
     results = tuple(name for s in group for name in assigned(s))
@@ -176,6 +179,14 @@ def _rows(stmts: Sequence[Any], group: Sequence[Any], needed: set[str], numbers:
     if not varying:
         return None
     return Rows(tuple(varying), tuple(varying.values()), inside, values, results), matching.selects
+
+
+def _with_as_many_breaks(group: Sequence[Any]) -> Sequence[Any]:
+    """The statements; integrals have as many breaks as the one with the most. A break that is NaN is none."""
+    if not all(isinstance(s, Integrate) for s in group):
+        return group
+    most = max(len(s.breaks) for s in group)
+    return [replace(s, breaks=(*s.breaks, *(math.nan,) * (most - len(s.breaks)))) for s in group]
 
 
 class Unlike(Exception):

@@ -126,10 +126,17 @@ class JaxKernel:
             return self._exactly(arguments)
         jnp = _import_jax().numpy
         from teg.backends.jax.rarely import rarely
+        from teg.backends.jax.together import together
 
         scalars = [jnp.asarray(argument, jnp.float64) for argument in arguments]
-        outputs, good = self._straight(_zero(scalars), *scalars)
-        found = [*(jnp.asarray(o, jnp.float64) for o in outputs), jnp.int32(0)]
+        line = self._straight
+
+        def straightly(*given: Any) -> list[Any]:
+            outputs, good = line(_zero(given), *given)
+            return [*(jnp.asarray(o, jnp.float64) for o in outputs), jnp.asarray(good, jnp.bool_)]
+
+        *outputs, good = together(straightly, *scalars)
+        found = [*outputs, jnp.int32(0)]
 
         def exact(*given: Any) -> list[Any]:
             values, note = self._exactly(given)

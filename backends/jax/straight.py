@@ -15,14 +15,18 @@ Sums over nodes are calls, few and short ones:
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from teg.backends.branches import with_branches
 from teg.backends.c.crossed import Crossed, Item, Nodes, crossed
+from teg.backends.jax.selects import chosen_once
 from teg.backends.text import Dialect, assignment, inside, strict, value
 from teg.program import Arg, Assign, Program
 
+MULTIPLIED = frozenset(("mul", "div", "abs", "gt0", "ge0", "lt0", "le0", "ok", "lower", "upper", "min", "max"))
+"""Operations that are never one with a product that they need."""
 LONGEST = 2500
 """Operations of a straight line that is not too long for XLA to compile."""
 
@@ -30,7 +34,9 @@ LONGEST = 2500
 def straight(program: Program, dialect: Dialect) -> str | None:
     """Returns the text; None if a program has no straight line, or a long one."""
     line = crossed(with_branches(program), everywhere=True) if not program.functions else None
-    return None if line is None or sum(map(_length, line.items)) > LONGEST else "\n".join(_text(program, line, dialect))
+    if line is None or sum(map(_length, line.items)) > LONGEST:
+        return None
+    return "\n".join(_text(program, chosen_once(line), dialect))
 
 
 def _length(item: Item) -> int:
@@ -39,7 +45,7 @@ def _length(item: Item) -> int:
 
 def _text(program: Program, line: Crossed, dialect: Dialect) -> list[str]:
     lines = [f"def straight({', '.join(['zero', *(f'p{i}' for i in range(len(program.parameters)))])}):"]
-    exactly, free = _decisive(line.items), replace(dialect, guard="")
+    exactly, free = _decisive(line.items) & _added(line.items), replace(dialect, guard="")
     for number, item in enumerate(line.items):
         if isinstance(item, Nodes):
             text = _nodes(number, item, free)
@@ -63,6 +69,23 @@ def _decisive(items: Sequence[Item]) -> set[Arg]:
         elif item.op == "select":
             found.add(item.args[0])
     return found
+
+
+def _added(items: Sequence[Item]) -> set[Arg]:
+    """Returns the names that something else than products, quotients and comparisons reads: a product may become one operation with a sum
+    that reads it, without a rounding between. Products with a power of two are exact."""
+    statements = list(_statements(items))
+    exact = {s.name for s in statements if s.op == "mul" and len(s.args) == 2 and any(map(_is_power_of_two, s.args))}
+    return {a for s in statements if s.op not in MULTIPLIED or -1.0 in s.args for a in s.args} - exact
+
+
+def _statements(items: Sequence[Item]) -> Iterator[Assign]:
+    for item in items:
+        yield from (item,) if isinstance(item, Assign) else item.body
+
+
+def _is_power_of_two(arg: Arg) -> bool:
+    return isinstance(arg, float) and math.frexp(abs(arg))[0] == 0.5
 
 
 def _nodes(number: int, item: Nodes, dialect: Dialect) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -172,6 +173,21 @@ def test_ties_are_not_computed_for_other_rows() -> None:
     for second, expected in ((compared[1], 1), (tied, 0)):
         p = program(2, *(integral(r, x, t[:-1], t[-1]) for r, x, t in (("va", "x0", compared[0]), ("vb", "x1", second))), "va", "vb")
         assert len(rows_of(p)) == expected
+
+
+@pytest.mark.usefixtures("x64")
+def test_integrals_with_other_numbers_of_breaks() -> None:
+    """A break that is NaN is none: one row gets as many as the other has."""
+    one = integral("va", "x0", (let("v1", "sub", "x0", 5.0), let("b2", "gt0", "v1"), let("vf", "select", "b2", "p0", "x0")), "vf")
+    other = integral("vb", "x1", (let("v3", "sub", "x1", "p1"), let("b4", "gt0", "v3"), let("vs", "select", "b4", "p0", "x1")), "vs")
+    p = program(2, one, replace(other, breaks=("p1", 0.25)), let("vc", "mul", "va", "vb"), "vc")
+    (rows,) = rows_of(p)
+    (inside,) = (s for s in rows.body if isinstance(s, Integrate))
+    assert len(inside.breaks) == 2
+    columns = dict(zip(rows.names, rows.rows, strict=True))
+    assert [columns[b][1] for b in inside.breaks] == ["p1", 0.25]  # type: ignore[index]
+    assert np.isnan([columns[b][0] for b in inside.breaks]).all()  # type: ignore[index]
+    agree(p, [0.5, -0.3, 2.0], [0.1, 0.4, 0.9])
 
 
 @pytest.mark.usefixtures("x64")

@@ -99,9 +99,9 @@ def test_the_values_of_a_search_are_computed_once(monkeypatch: pytest.MonkeyPatc
 
 
 def test_the_cost_of_a_triangle_and_a_pixel() -> None:
-    """Value and gradient by six corners, in the graph that XLA made of a batch: 5500 operations, 15 kB; 7400 and 17 kB with copies."""
+    """Value and gradient by six corners, in the graph that XLA made of a batch: 1500 operations, 0.8 kB; most are the straight line's."""
     from tests.bench.jax_kernels import AT, batched, graph, triangle
 
     operations, moved = graph(triangle(), batched(AT, 256), 256)
-    assert operations < 6000
-    assert moved < 17000
+    assert operations < 1600
+    assert moved < 1000

@@ -18,6 +18,7 @@ from teg.backends.jax import straight as jax_straight  # noqa: E402
 from teg.backends.jax.kernel import compile_jax  # noqa: E402
 from teg.backends.jax.printer import DIALECT  # noqa: E402
 from teg.backends.jax.straight import straight  # noqa: E402
+from teg.backends.jax.together import together  # noqa: E402
 
 pytestmark = [pytest.mark.usefixtures("x64", "derived_once")]
 SCENES = {"one colour": triangle_pixel(0), "linear": triangle_pixel(1), "half-planes": half_planes(4)}
@@ -91,6 +92,38 @@ def test_most_stout_triangles_are_good_and_none_outside_of_the_box_is_bad() -> N
         ]
         _, good = line(-0.0, *map(jax.numpy.asarray, columns))
         assert np.mean(np.broadcast_to(good, (500,))) >= least, shift
+
+
+@pytest.mark.parametrize("name", ["one colour", *(pytest.param(name, marks=pytest.mark.slow) for name in ("linear", "half-planes"))])
+def test_the_line_is_few_kernels_in_which_nothing_is_repeated(name: str) -> None:
+    """One of quotients and one of everything else, and what makes truth values and the like of their results."""
+    program = program_of(name)
+    line: Any = compile_jax(program)._straight
+
+    def results(*scalars: Any) -> list[Any]:
+        outputs, good = line(-0.0, *scalars)
+        return [*map(jax.numpy.asarray, outputs), good]
+
+    def products(function: Any) -> tuple[int, int]:
+        columns = [np.full(16, 0.5) for _ in program.parameters]
+        text = jax.jit(jax.vmap(function)).lower(*columns).compile().as_text()
+        return text.count(" multiply("), text.count("kind=kLoop")
+
+    once, kernels = products(lambda *scalars: together(results, *scalars))
+    often, many = products(results)
+    assert kernels <= 4
+    assert 1.5 * once < often
+    assert 3 * kernels < many
+
+
+def test_products_to_which_something_is_added_have_one_rounding() -> None:
+    """A product with a power of two is exact, and no sum is made of one that is compared, or multiplied again."""
+    lines = [text.strip() for text in (straight(program_of("linear"), DIALECT) or "").splitlines()]
+    guarded = [text for text in lines if text.endswith(" + zero")]
+    assert 40 < len(guarded) < 120
+    assert not [text for text in guarded if " 0.5 " in text or " 2.0 " in text]
+    name = guarded[-1].split(" = ")[0]
+    assert any(name in text.split(" = ")[1].split() for text in lines if " + " in text or " - " in text)
 
 
 def test_programs_without_a_line(monkeypatch: pytest.MonkeyPatch) -> None:
