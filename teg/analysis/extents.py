@@ -10,12 +10,12 @@ may be off by a few of them. A bound that is exactly 0 comes from a square, an a
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import cast
 
 from teg.ir.expr import MINUS_ONE, Add, Call, Compare, Const, Expr, Mul, Pow, Var, Where
 from teg.ir.node import Node, postorder
-from teg.ir.simplify import mul
+from teg.ir.simplify import mul, sub
 
 Extent = tuple[float, float]
 EVERYTHING: Extent = (-math.inf, math.inf)
@@ -23,12 +23,17 @@ EVERYTHING: Extent = (-math.inf, math.inf)
 
 def extent(e: Expr, box: Mapping[Var, Extent]) -> Extent:
     """Returns the least and the largest value of e over a box. A variable that is not in the box is unbounded."""
+    return extents(postorder([e]), box)[e]
+
+
+def extents(order: Iterable[Node], box: Mapping[Var, Extent]) -> dict[Node, Extent]:
+    """Returns the least and the largest values over a box of all expressions among nodes, which are in order, children first."""
     known: dict[Node, Extent] = {}
-    for node in postorder([e]):
+    for node in order:
         if isinstance(node, Expr):
             lo, hi = _extent(node, box, known)
             known[node] = EVERYTHING if lo != lo or hi != hi else (lo, hi)
-    return known[e]
+    return known
 
 
 def _extent(node: Expr, box: Mapping[Var, Extent], known: Mapping[Node, Extent]) -> Extent:
@@ -49,7 +54,12 @@ def _extent(node: Expr, box: Mapping[Var, Extent], known: Mapping[Node, Extent])
             return _power(known[node.base], node.exponent)
         case Where():
             a, b = _where_it_counts(node, known)
-            return min(a[0], b[0]), max(a[1], b[1])
+            lo, hi = min(a[0], b[0]), max(a[1], b[1])
+            if isinstance(node.condition, Compare) and node.condition.g is sub(node.then, node.otherwise):
+                return max(a[0], b[0]), hi  # the maximum
+            if isinstance(node.condition, Compare) and node.condition.g is sub(node.otherwise, node.then):
+                return lo, min(a[1], b[1])  # the minimum
+            return lo, hi
         case Call() if node.name == "pow" and not isinstance(node.children[1], Const) and known[node.children[0]][0] < 0.0:
             return EVERYTHING  # the exponent may be an odd integer
         case Call():

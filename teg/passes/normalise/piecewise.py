@@ -16,6 +16,7 @@ from itertools import product
 from typing import cast
 
 from teg.analysis.breaks import is_sum_of_squares
+from teg.analysis.extents import extents
 from teg.analysis.kinks import kinks_of, sign_of_kink, value_nodes
 from teg.ir.cells import Symbols
 from teg.ir.expr import Add, Call, Compare, Cond, Const, Expr, Mul, Pow, Where, const
@@ -52,10 +53,11 @@ def with_affine_atoms(condition: Cond) -> Cond:
 def with_smooth_atoms(root: Expr) -> Expr:
     """Returns the program with conditions on extremes as conditions on what these are taken of, where they are few and numbers everywhere.
 
-    The condition that decides an extreme itself stays: it is no border.
+    The condition that decides an extreme itself stays: it is no border. An extreme that is always the same one of both is that one.
     """
+    root = _without_decided(root)
     order = postorder([root])
-    kinks = {n for n in order if isinstance(n, Where) and n.condition.free and sign_of_kink(n)}
+    kinks = _kinks(order)
     own = {n.condition for n in kinks}
     chosen: dict[Node, Cond] = {}
     for atom in order if kinks else ():
@@ -64,6 +66,30 @@ def with_smooth_atoms(root: Expr) -> Expr:
             if isinstance(parts, list) and sum(map(len, parts)) <= FEW_ATOMS:
                 chosen[atom] = disjunction(*(conjunction(*(positive(f, atom.strict) for f in part)) for part in parts))
     return cast(Expr, rewrite([root], lambda old, new: chosen.get(old, new))[root]) if chosen else root
+
+
+def _kinks(order: Sequence[Node]) -> dict[Where, int]:
+    """Returns the continuous branches on variables among nodes, and whether each is a maximum (1) or a minimum (-1)."""
+    signs = {n: sign_of_kink(n) for n in order if isinstance(n, Where) and n.condition.free}
+    return {n: sign for n, sign in signs.items() if sign}
+
+
+def _without_decided(root: Expr) -> Expr:
+    """Returns the program without extremes of which bounds, as numbers, say which of both they are: minimum(maximum(x, 0), -1) is -1."""
+    order = postorder([root])
+    kinks = _kinks(order)
+    bounds = extents(order, {}) if kinks else {}
+    decided: dict[Node, int] = {}
+    for kink, sign in kinks.items():
+        (least, most), (least_other, most_other) = (bounds[side][::sign] for side in (kink.then, kink.otherwise))
+        side = 1 if sign * least >= sign * most_other else 2 if sign * least_other >= sign * most else 0
+        if side and _is_a_number(kink):
+            decided[kink] = side
+
+    def visit(old: Node, new: Node) -> Node:
+        return new.children[decided[old]] if old in decided and isinstance(new, Where) else new
+
+    return cast(Expr, rewrite([root], visit)[root]) if decided else root
 
 
 def _is_a_number(g: Expr) -> bool:

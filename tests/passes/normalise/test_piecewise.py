@@ -12,7 +12,7 @@ import pytest
 
 import teg
 from teg.analysis.kinks import kinks_of
-from teg.ir.expr import Compare
+from teg.ir.expr import Compare, const
 from teg.ir.node import postorder
 from teg.passes.normalise.piecewise import with_affine_atoms, with_smooth_atoms
 
@@ -84,6 +84,34 @@ def test_extremes_in_conditions() -> None:
     ):
         assert smooth(whole > 0.3) == str(teg.bracket(whole > 0.3))
     assert with_smooth_atoms(teg.maximum(f, g)) is teg.maximum(f, g)
+
+
+def test_extremes_that_are_always_one_of_both() -> None:
+    u = X - T
+    for whole, part in (
+        (teg.minimum(teg.maximum(u, 0), -1), const(-1.0)),
+        (teg.maximum(teg.sqrt(u), -1), teg.maximum(teg.sqrt(u), -1)),
+        (teg.minimum(teg.maximum(teg.minimum(u, 1), -0.5), 1), teg.maximum(teg.minimum(u, 1), -0.5)),
+        (teg.maximum(teg.sin(u), 1.5, u), teg.maximum(1.5, u)),
+        (teg.maximum(teg.abs(u), -(u**2)), teg.abs(u)),
+        (teg.maximum(u, 2 * u), teg.maximum(u, 2 * u)),
+        (teg.minimum(teg.exp(u), T), teg.minimum(teg.exp(u), T)),
+    ):
+        assert str(with_smooth_atoms(whole)) == str(part)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_second_derivatives_of_clamps(backend: str) -> None:
+    """∫ of u in [0.1, 0.6] is a clamp in a clamp: its conditions were 0 on whole regions, and second derivatives NaN."""
+    u = X - T + T * T * Y
+    clamped = teg.maximum(teg.minimum(teg.maximum(teg.minimum(u, 0.6), -0.2), 0.6), 0.1)
+    f, g = (
+        teg.compile(teg.integral(e, (X, 0, 1), (Y, 0, 1)), [T], backend=backend) for e in (clamped, teg.maximum(teg.minimum(u, 0.6), 0.1))
+    )
+    second = f.hessian(t=0.3)["t", "t"]
+    assert second == pytest.approx(g.hessian(t=0.3)["t", "t"], rel=1e-11)
+    h = 1e-5
+    assert second == pytest.approx((f.grad(t=0.3 + h)["t"] - f.grad(t=0.3 - h)["t"]) / (2 * h), rel=1e-7)
 
 
 def _cut_off(r: float, d: float) -> float:
