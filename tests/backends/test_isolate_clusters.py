@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from teg.program import Arg, Isolate, Program
-from tests.backends.isolate_programs import cubic, isolate, numbered, wave
+from tests.backends.isolate_surfaces import cubic, isolate, numbered, wave
 from tests.backends.programs import INF, let, program
 
 BACKENDS = ("numpy", "c", "jax")

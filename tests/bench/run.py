@@ -24,7 +24,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 import teg
 from teg.backends.c.standalone import standalone_c
 from teg.examples.charts.tables import read_page, write_page
-from tests.backends import isolate_programs, locate_programs, programs
+from tests.backends import isolate_surfaces, locate_programs, programs
 from tests.bench.backends import backend_rows
 from tests.bench.closed import closed_rows
 from tests.bench.cut_disks import cut_disk_rows
@@ -135,15 +135,15 @@ def searches() -> list[Row]:
     n = 20_000
     p = np.random.default_rng(3).uniform(0.2, 0.8, n)
 
-    def roots(g: isolate_programs.Surface, lo: float, hi: float) -> Any:
-        names = isolate_programs.numbered(12)
-        return programs.program(1, (isolate_programs.isolate(names, g, lo, hi),), *names.split())
+    def roots(g: isolate_surfaces.Surface, lo: float, hi: float) -> Any:
+        names = isolate_surfaces.numbered(12)
+        return programs.program(1, (isolate_surfaces.isolate(names, g, lo, hi),), *names.split())
 
     circles = locate_programs.locate("vr0 vr1", locate_programs.two_circles(0.5, "p0", 1.0, 1.0), -2.0, 3.0, -1.5, 1.75)
     return [
-        search_row("roots of a line", roots(isolate_programs.line(2.0, "p0"), 0.0, 1.0), [p]),
-        search_row("roots of x³ - p·x", roots(isolate_programs.cubic("p0"), -1.0, 1.5), [p]),
-        search_row("roots of sin(7x + p)", roots(isolate_programs.wave(7.0, "p0"), -1.0, 1.0), [p]),
+        search_row("roots of a line", roots(isolate_surfaces.line(2.0, "p0"), 0.0, 1.0), [p]),
+        search_row("roots of x³ - p·x", roots(isolate_surfaces.cubic("p0"), -1.0, 1.5), [p]),
+        search_row("roots of sin(7x + p)", roots(isolate_surfaces.wave(7.0, "p0"), -1.0, 1.0), [p]),
         search_row("places of two circles", programs.program(1, (circles,), "vr0", "vr1"), [p[:1000]]),
     ]
 

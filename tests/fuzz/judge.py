@@ -18,8 +18,9 @@ import numpy as np
 
 import teg
 from teg.errors import CompilerError, TegError
+from tests.fuzz.answer import Answer, answer, direction_of, parameters_of
 from tests.fuzz.laws import by_law, moved
-from tests.fuzz.reference import Answer, NoReferenceError, answer, direction_of, parameters_of
+from tests.fuzz.reference import NoReferenceError
 from tests.fuzz.syntax import Program, Term, build, worded
 
 VALUE, SLOPE = 1e-9, 1e-8

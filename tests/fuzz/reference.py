@@ -3,9 +3,7 @@
 `Reference.value` evaluates a tree at many points at once. An integral is cut where a condition changes, an argument of |·|, of a power or
 of a function is 0, or a floor jumps: those functions are sampled, changes of sign are bisected, and local extrema without one are looked
 into. Between the cuts stands a double-exponential rule, whose nodes crowd at both ends. Of integrals inside each other the outer one
-is also cut where the number or the order of the inner one's cuts changes; that is bisected too.
-
-Derivatives are central differences of such values, extrapolated (Richardson). `judge.py` uses a value only if two resolutions agree.
+is also cut where the number or the order of the inner one's cuts changes; that is bisected too. `answer.py` has derivatives.
 """
 
 from __future__ import annotations
@@ -101,7 +99,7 @@ class Reference:
         self.spent = 0
         self.switches: dict[Term, list[tuple[str, Term]]] = {}
         self.literals = sorted({abs(n.data) for n in walk(self.tree) if n.op == "number"})
-        self.depth = _depth(self.tree)
+        self.depth = depth_of(self.tree)
         least = 1e-24 if self.depth > 1 else 0.0
         self.rules = rule(resolution.step, least), rule(resolution.inner_step, least)
         self.size = max((n.data for n in walk(self.tree) if n.op == "number" and n.data < 1e7), default=1.0)
@@ -140,7 +138,7 @@ class Reference:
 
     def _integral(self, node: Term, at: Points, depth: int) -> Array:
         lo, hi = (self._at(p, at, depth) for p in node.parts[1:])
-        width = max(1, CHUNK // (64 * 4 ** min(2, _depth(node.parts[0]))))
+        width = max(1, CHUNK // (64 * 4 ** min(2, depth_of(node.parts[0]))))
         result = np.zeros(at.n, Real)
         for start in range(0, at.n, width):
             rows = np.arange(start, min(at.n, start + width))
@@ -458,9 +456,9 @@ def _call(name: str, v: Sequence[Array]) -> Array:
     return getattr(np, name)(v[0])
 
 
-def _depth(tree: Term) -> int:
+def depth_of(tree: Term) -> int:
     """How many integrals stand inside each other."""
-    return (tree.op == "integral") + max((_depth(p) for p in tree.parts), default=0)
+    return (tree.op == "integral") + max((depth_of(p) for p in tree.parts), default=0)
 
 
 def _has(tree: Term, var: str) -> bool:
@@ -532,91 +530,3 @@ def _switches_of(node: Term) -> list[Term]:
                 return []
         return list(p)
     return []
-
-
-# -- derivatives ----------------------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Answer:
-    """What is known of a program: its value, the derivative along a direction, and how well."""
-
-    value: float
-    error: float
-    slope: float | None = None
-    slope_error: float = 0.0
-    direction: dict[str, float] = field(default_factory=dict)
-
-
-ORDER = 3
-STEPS = (8e-3, 8e-4, 6e-5)
-
-
-def parameters_of(program: Program) -> dict[str, float]:
-    """Entries of arrays are parameters of their own."""
-    flat: dict[str, float] = {}
-    for name, value in program.values.items():
-        if isinstance(value, tuple):
-            flat.update({f"{name}[{k}]": v for k, v in enumerate(value)})
-        else:
-            flat[name] = value
-    return flat
-
-
-def direction_of(program: Program, wrt: Sequence[str] | None = None) -> dict[str, float]:
-    """A direction in which every parameter moves, each by a part of its scale."""
-    flat = parameters_of(program)
-    parts = (0.71, -0.59, 0.83, 0.67, -0.79, 0.61, 0.97, -0.53)
-    direction = {}
-    for k, name in enumerate(flat):
-        if wrt is None or name in wrt:
-            direction[name] = parts[k % len(parts)] * program.scale(name.split("[")[0])
-    return direction
-
-
-def answer(program: Program, wrt: Sequence[str] | None = None, slopes: bool = True, tolerance: float = 1e-10) -> Answer:
-    """The value, and the derivative along a direction. Raises NoReferenceError where two resolutions do not agree."""
-    flat = parameters_of(program)
-    if any(n.op == "/" and n.parts[1] == Term("number", (), 0.0) for n in walk(program.tree)):
-        raise NoReferenceError("a division by 0")
-    coarse, other, error = _agreeing(program, flat, tolerance)
-    direction = direction_of(program, wrt)
-    if not slopes or not direction:
-        return Answer(float(other), error)
-    slope, slope_error = _slope(coarse, flat, direction, tolerance * 10)
-    return Answer(float(other), error, slope, slope_error, direction)
-
-
-def _agreeing(program: Program, flat: Mapping[str, float], tolerance: float) -> tuple[Reference, Any, float]:
-    """The coarser of two resolutions that agree, the value of the finer one, and their difference."""
-    depth = _depth(program.tree)
-    if depth > 2:
-        raise NoReferenceError("three variables")
-    for pair in PAIRS[max(1, depth)]:
-        coarse, fine = (Reference(program, resolution) for resolution in pair)
-        one, other = coarse.value(flat), fine.value(flat)
-        error = float(abs(one - other)) + 1e-16 * float(abs(other))
-        if np.isfinite(other) and error <= tolerance * max(float(abs(other)), 1e-6):
-            return coarse, other, error
-    raise NoReferenceError(f"two resolutions: {one} and {other}")
-
-
-def _slope(reference: Reference, flat: Mapping[str, float], direction: Mapping[str, float], tolerance: float) -> tuple[float | None, float]:
-    best: tuple[float | None, float] = (None, np.inf)
-    for step in STEPS:
-        reference.spent = 0
-        steps = [Real(step) / 2**k for k in range(ORDER)]
-        moves = np.array([sign * h for h in steps for sign in (1, -1)], Real)
-        values = reference.batch({name: Real(v) + moves * Real(direction.get(name, 0.0)) for name, v in flat.items()})
-        table: list[list[Any]] = []
-        for k, h in enumerate(steps):
-            row = [(values[2 * k] - values[2 * k + 1]) / (2 * h)]
-            for j, before in enumerate(table[-1] if table else []):
-                row.append(row[-1] + (row[-1] - before) / (4 ** (j + 1) - 1))
-            table.append(row)
-        slope, error = float(table[-1][-1]), float(abs(table[-1][-1] - table[-2][-1])) * 2
-        if np.isfinite(slope) and error < best[1]:
-            best = slope, error
-        if error <= tolerance * abs(slope) or (slope == 0 and error == 0):
-            break
-    return best

@@ -10,10 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.fuzz.answer import answer
 from tests.fuzz.generate import program as of_seed
 from tests.fuzz.judge import Judgement, agreement, digest, judge, stored_references
 from tests.fuzz.open_faults import OPEN
-from tests.fuzz.reference import NoReferenceError, answer
+from tests.fuzz.reference import NoReferenceError
 from tests.fuzz.syntax import Program, as_python, bracket, call, integral, parameter, size, variable, where
 
 PROGRAMS = 300

@@ -140,7 +140,7 @@ ELSEWHERE = {
         "number_watch": "tests/report/test_diagnose.py",
         "parameter_steps": "tests/report/test_diagnose.py",
     },
-    "teg/symbolic": dict.fromkeys(("nodes", "reader", "writer"), "tests/symbolic/test_reader_and_writer.py"),
+    "teg/symbolic": {"nodes": "tests/symbolic/test_reader_and_writer.py"},
     "backends": {"branches": "tests/passes/program/test_group.py"},
     "backends/c": {
         "batch": "tests/backends/c/test_evaluator.py",

@@ -26,22 +26,8 @@ from tests.backends.c_checks import (
     standalone_files_work,
     text_compiles_without_warnings,
 )
-from tests.backends.isolate_programs import (
-    ISOLATE_CASES,
-    ROOTS,
-    SUMS,
-    TRIANGLE,
-    Surface,
-    cubic,
-    isolate,
-    kink,
-    line,
-    numbered,
-    root,
-    square,
-    sum_over,
-    wave,
-)
+from tests.backends.isolate_programs import ISOLATE_CASES, ROOTS, SUMS, TRIANGLE
+from tests.backends.isolate_surfaces import Surface, cubic, isolate, kink, line, numbered, root, square, sum_over, wave
 from tests.backends.programs import Case, integrate, let, program
 
 pytestmark = in_c

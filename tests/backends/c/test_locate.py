@@ -25,7 +25,9 @@ from tests.backends.c_checks import (
     standalone_files_work,
     text_compiles_without_warnings,
 )
-from tests.backends.isolate_programs import ROOTS, numbered, sum_over
+from tests.backends.isolate_programs import ROOTS
+from tests.backends.isolate_surfaces import numbered, sum_over
+from tests.backends.locate_literally import literally
 from tests.backends.locate_programs import (
     BOTTOM,
     LEFT,
@@ -40,7 +42,6 @@ from tests.backends.locate_programs import (
     Pair,
     chord,
     ends,
-    literally,
     locate,
     point,
     root,

@@ -7,7 +7,8 @@ import pytest
 
 from teg.backends.jax.kernel import compile_jax
 from teg.backends.numpy.kernel import compile_numpy
-from tests.backends.isolate_programs import EXTREMES, ROOTS, SUMS, cubic, isolate, kink, line, root, sum_over, wave
+from tests.backends.isolate_programs import EXTREMES, ROOTS, SUMS
+from tests.backends.isolate_surfaces import cubic, isolate, kink, line, root, sum_over, wave
 from tests.backends.numpy.test_isolate import polynomial, polynomials_at_random, roots
 from tests.backends.programs import INF, Case, columns, expected, let, program
 

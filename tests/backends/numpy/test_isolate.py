@@ -13,7 +13,8 @@ from teg.backends.numpy import lanes
 from teg.backends.numpy.kernel import compile_numpy
 from teg.program import Arg, Program, Stmt
 from teg.program.dce import without_dead_code
-from tests.backends.isolate_programs import ISOLATE_CASES, ROOTS, SUMS, Surface, cubic, isolate, kink, numbered, root, square, wave
+from tests.backends.isolate_programs import ISOLATE_CASES, ROOTS, SUMS
+from tests.backends.isolate_surfaces import Surface, cubic, isolate, kink, numbered, root, square, wave
 from tests.backends.programs import INF, NAN, Case, columns, expected, let, program
 
 
