@@ -145,13 +145,13 @@ def test_slopes_of_lenses(backend: str) -> None:
 @pytest.mark.parametrize("backend", BACKENDS[1:])
 def test_slopes_of_lenses_in_a_sum(backend: str) -> None:
     """In a sum over data, slopes break where the values do as well."""
-    k, balls = teg.index("k"), teg.array("balls", 2)
-    apart = [(x - balls[k, i]) ** 2 + (y - balls[k, i + 1]) ** 2 + (z - balls[k, i + 2]) ** 2 < balls[k, 6] for i in (0, 3)]
-    total = teg.sum(teg.integral(teg.bracket(apart[0] & apart[1]), *CUBE), (k, 0, teg.length(balls)))
+    k, balls, sizes = teg.index("k"), teg.array("balls", 2), teg.array("sizes")
+    apart = [(x - balls[k, i]) ** 2 + (y - balls[k, i + 1]) ** 2 + (z - balls[k, i + 2]) ** 2 < sizes[k] for i in (0, 3)]
+    total = teg.sum(teg.integral(teg.bracket(apart[0] & apart[1]), *CUBE), (k, 0, teg.length(sizes)))
     columns, volume, slope = lenses(400, 0.1, 1.95)
-    data = np.stack([columns[name] for name in "pqsabct"], axis=1)
-    f = teg.compile(total, [balls], backend=backend)
-    assert f(balls=data) == pytest.approx(volume.sum(), rel=1e-11)
-    assert f.grad(balls=data)["balls"][:, 6] == pytest.approx(slope, rel=1e-11)
-    found, estimates = (result["balls"][:, 6] for result in f.grad_and_error(balls=data))
+    given = {"balls": np.stack([columns[name] for name in "pqsabc"], axis=1), "sizes": columns["t"]}
+    f = teg.compile(total, [sizes], backend=backend)
+    assert f(given) == pytest.approx(volume.sum(), rel=1e-11)
+    found, estimates = (result["sizes"] for result in f.grad_and_error(given))
+    assert found == pytest.approx(slope, rel=1e-11)
     assert (np.abs(found - slope) <= estimates + 1e-13 * slope).all()
