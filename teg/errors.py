@@ -24,7 +24,7 @@ class TegError(Exception):
     def __str__(self) -> str:
         lines = [self.what]
         if self.where is not None:
-            text = str(self.where)
+            text = _as_written(str(self.where))
             lines.append("  in: " + (text if len(text) <= 400 else text[:400] + " …"))
         if self.hint:
             lines.append("  hint: " + self.hint)
@@ -32,6 +32,12 @@ class TegError(Exception):
 
     def __reduce__(self) -> tuple[object, ...]:
         return (type(self), (self.what, self.where, self.hint))
+
+
+def _as_written(text: str) -> str:
+    """Returns the text of an expression without the numbers by which passes keep indices of the same name apart."""
+    first, *others = text.split("\0")
+    return first + "".join(part.lstrip("0123456789") for part in others)
 
 
 class OperandError(TegError, TypeError):

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Sequence
 from fractions import Fraction
+from types import UnionType
 from typing import cast
 
-from teg.ir.expr import Add, Const, Expr, Mul, Param, Pow, const
+from teg.ir.expr import Add, Const, Expr, Mul, Param, Pow, Var, const
 from teg.ir.node import postorder
 from teg.ir.simplify import add, mul, sub
 from teg.ir.traverse import parameters
@@ -20,6 +21,9 @@ Powers = tuple[tuple[int, int], ...]
 
 Form = dict[Powers, Fraction]
 """A polynomial with exact coefficients."""
+
+Kinds = type[Param] | UnionType
+"""Classes of generators."""
 
 
 def shorter_form(e: Expr) -> Expr | None:
@@ -41,22 +45,35 @@ def shorter_form(e: Expr) -> Expr | None:
 
 
 def _relative(e: Expr) -> Expr | None:
-    """Returns a sum of monomials in differences of the parameters that are squared in e; None if e depends on more than these."""
+    """Returns a sum of monomials in differences of the parameters and variables that are squared in e; None if there are none."""
     form, generators = _normal_form(e, MOST_TERMS)
     if not form:
         return None
     number = len(generators)
-    for origin in range(number):
-        is_coordinate = isinstance(generators[origin], Param) and any((origin, 2) in m for m in form)
-        factors = {i for m in form if any(g == origin for g, _ in m) for i, _ in m} if is_coordinate else set()
-        others = [i for i in sorted(factors) if i != origin and isinstance(generators[i], Param)]
-        moved = form
-        for k, i in enumerate(others):
-            moved = _shifted(moved, i, origin, len(generators) + k)
-        if others and len(moved) <= len(form) and not any(g == origin for m in moved for g, _ in m):
-            form = moved
-            generators += [add(generators[i], mul(const(-1.0), generators[origin])) for i in others]
+    for kinds in (Param, Param | Var):  # parameters alone first: a variable that is local already moves with none of them
+        for origin in (i for i in range(number) if isinstance(generators[i], kinds)):
+            for others in _companions(form, generators[:number], origin, kinds) if any((origin, 2) in m for m in form) else ():
+                moved = form
+                for k, i in enumerate(others):
+                    moved = _shifted(moved, i, origin, len(generators) + k)
+                if others and len(moved) <= len(form) and not any(g == origin for m in moved for g, _ in m):
+                    form = moved
+                    generators += [add(generators[i], mul(const(-1.0), generators[origin])) for i in others]
+                    break
     return _from_form(form, generators) if len(generators) > number else None
+
+
+def _companions(form: Form, generators: Sequence[Expr], origin: int, kinds: Kinds) -> list[list[int]]:
+    """Returns what may move together with an origin: its factors in monomials, and those with their factors in turn."""
+    groups: list[list[int]] = []
+    group = {origin}
+    while True:
+        factors = {i for m in form if any(g in group for g, _ in m) for i, _ in m}
+        larger = group | {i for i in factors if i < len(generators) and isinstance(generators[i], kinds)}
+        if larger == group:
+            return groups
+        group = larger
+        groups.append(sorted(group - {origin}))
 
 
 def _shifted(form: Form, i: int, origin: int, difference: int) -> Form:

@@ -96,7 +96,10 @@ def solve(g: Expr, x: Var, lo: Expr, hi: Expr, depth: int = MAX_DEPTH, degrees: 
         normal = shorter_form(g)
         if normal is not None and size(normal) < size(g):
             return solve(normal, x, lo, hi, depth - 1)
-        return _inverted(g, x, lo, hi, depth) or _rationalised(g, x, lo, hi, depth)
+        direct = _inverted(g, x, lo, hi, depth) or _rationalised(g, x, lo, hi, depth)
+        if direct is None and normal is not None and normal is not g:  # differences make it longer
+            return _inverted(normal, x, lo, hi, depth) or _rationalised(normal, x, lo, hi, depth)
+        return direct
     except NotDifferentiableError:
         return None
 

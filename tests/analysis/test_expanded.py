@@ -90,3 +90,21 @@ def test_squares_of_far_coordinates_become_differences(e: teg.Expr) -> None:
     assert form is not None
     far = {a: 1e9 + 0.25, b: 1e9, c: 1e9 - 0.5}
     assert values_of([form], far)[0] == pytest.approx(0.625 if c in teg.ir.traverse.parameters(e) else 0.0625, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("e", "together"),
+    [
+        (a * a - 2 * a * b - c * c + 2 * b * c, (a, b, c)),  # a and c move together because b moves with either
+        (4 * c * c - 4 * x * x + 8 * a * x - 4 * a * a, (x, a)),
+        (x * x - 2 * a * x - b * b + 2 * a * b, (x, a, b)),
+    ],
+    ids=str,
+)
+def test_what_moves_together_becomes_differences(e: teg.Expr, together: tuple[teg.Expr, ...]) -> None:
+    form = shorter_form(e)
+    assert form is not None
+    assert len(form.children) == 2
+    place = teg.param("x")
+    near, far = ({place: 0.75 + by, a: 0.25 + by, b: by - 1.5, c: 0.375 + by * (c in together)} for by in (0.0, 2.0**30))
+    assert values_of([teg.substitute(form, {x: place})], far) == values_of([teg.substitute(form, {x: place})], near)

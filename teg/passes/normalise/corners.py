@@ -4,12 +4,12 @@
 
 Roots, breaks and nodes are places between the bounds. In absolute coordinates they are known to the rounding of l, and a disk in a pixel
 at 4096 to eight digits. Relative to a corner nothing is rounded but the difference c - l. The origin o of a variable is its lower bound,
-if that is a parameter, or a number that is far compared with the distance of the bounds. A polynomial that does not change when x, o and
-other parameters move together (`teg.passes.normalise.origins`) is written with x for x - o, s - o for each of these parameters s, and 0
-for o; elsewhere x becomes o + x.
+if that is a parameter, a parameter of both bounds (c of c - r and c + r), or a number that is far compared with the distance of the
+bounds. A polynomial that does not change when x, o and other parameters move together (`teg.passes.normalise.origins`) is written with x
+for x - o, s - o for each of these parameters s, and 0 for o; elsewhere x becomes o + x.
 
 Applied to curved surfaces, and to one or two straight ones: the clipping of a polygon is relative to the corner already. All expressions
-of the variable must be polynomial: a singularity elsewhere would move with the origin.
+of the variable must be polynomial, or smooth functions such as exp(x - c): a singularity elsewhere would move with the origin.
 """
 
 from __future__ import annotations
@@ -29,6 +29,8 @@ from teg.passes.normalise.origins import Group, groups_of, is_fixed, outermost_p
 
 FAR = 4.0
 """A variable is far away if it exceeds the distance of its bounds by this factor."""
+SMOOTH = frozenset(("exp", "expm1", "sin", "cos", "sinh", "cosh", "tanh", "atan", "erf", "erfc"))
+"""Functions without singularities, kinks or steps."""
 MANY = 3
 """So many straight surfaces make a polygon."""
 
@@ -63,8 +65,8 @@ def _axis(v: Var, order: Sequence[Node], polynomials: Mapping[Expr, Sequence[Gro
 def _origins(order: Sequence[Node], root: Expr) -> dict[Var, Expr]:
     """Returns the origins of variables that may be far away, the same in all integrals over them.
 
-    Only polynomials may depend on these variables. A function may be singular, or have steps, somewhere else than at the origin; moved
-    with the origin, it would have no derivative by it.
+    Only polynomials may depend on these variables, and functions without singularities of differences to parameters. Another
+    function may be singular, or have steps, somewhere else than at the origin; moved with the origin, it would have no derivative by it.
     """
     origins: dict[Var, Expr | None] = {}
     for node in order:
@@ -72,14 +74,24 @@ def _origins(order: Sequence[Node], root: Expr) -> dict[Var, Expr]:
             o = _origin(node)
             origins[node.var] = o if origins.get(node.var, o) is o else None
         elif isinstance(node, Call) or (isinstance(node, Pow) and node.exponent < 0):
-            origins.update(dict.fromkeys(node.free, None))
+            origins.update(dict.fromkeys(node.free - _differences(node), None))
     return {v: o for v, o in origins.items() if o is not None and v not in root.free}
+
+
+def _differences(node: Expr) -> frozenset[Var]:
+    """Returns the variables that move together with parameters in the argument of a smooth function: x in exp(x - c)."""
+    if not (isinstance(node, Call) and node.name in SMOOTH):
+        return frozenset()
+    groups = groups_of(node.children[0])
+    return frozenset(v for v in node.free if any(v in g and any(isinstance(s, Param) for s in g) for g in groups))
 
 
 def _origin(node: Integral) -> Expr | None:
     lo, hi = node.lo, node.hi
     if isinstance(lo, Param):
         return lo
+    if isinstance(lo, Add) and isinstance(hi, Add):  # c - r and c + r
+        return next((p for p in lo.children if isinstance(p, Param) and p in hi.children), None)
     if isinstance(lo, Const) and isinstance(hi, Const):
         extent = abs(hi.data - lo.data)
         return lo if FAR * extent < min(abs(lo.data), abs(hi.data)) < float("inf") and lo.data * hi.data > 0.0 else None

@@ -27,6 +27,10 @@ SCENES = {
     "a hyperbola, written out": inside(x * y - x * cy - y * cx + cx * cy < t),
     "a parabola": inside(y - cy < x * x - 2 * x * cx + cx * cx),
     "a quartic": inside((x - cx) ** 4 + (y - cy) ** 4 < r * r),
+    "two disks": inside(((x - cx) ** 2 + (y - cy) ** 2 < r) & ((x - px) ** 2 + (y - py) ** 2 < 0.4)),
+    "two disks in a box about the first": teg.integral(
+        teg.bracket(((x - cx) ** 2 + (y - cy) ** 2 < r) & ((x - px) ** 2 + (y - py) ** 2 < 0.4)), (x, cx - 2, cx + 2), (y, cy - r, cy + r)
+    ),
     "a half-plane": inside((px - cx) * (y - cy) - (py - cy) * (x - cx) > 0),
     "a half-plane, written out": inside(cx * py - px * cy + x * (cy - py) + y * (px - cx) > 0),
 }
@@ -49,12 +53,50 @@ def test_a_shift_changes_nothing(name: str, backend: str) -> None:
         assert max(abs(slopes[k] - gradient[k]) for k in gradient) <= 1e-12
 
 
-@pytest.mark.parametrize("name", ["a disk", "a hyperbola", "a half-plane"])
+@pytest.mark.parametrize("name", ["a disk", "two disks", "two disks in a box about the first", "a hyperbola", "a half-plane"])
 def test_second_derivatives(name: str) -> None:
     wrt = [p for p in (cx, cy, r, t) if p.name in str(SCENES[name])]
     f = teg.compile(SCENES[name], wrt)
     here, there = (f.hessian(moved(f, *shift)) for shift in ((0, 0), (65536, 4096)))
     assert max(abs(there[k] - here[k]) for k in here) <= 1e-12 * max(abs(v) for v in here.values())
+
+
+@pytest.mark.parametrize("shift", [0.0, 300.0, 1000.0, 65536.0, 2.0**30])
+def test_where_two_disks_cross(shift: float) -> None:
+    """The area of two disks at a distance D has the derivative -L by D, with the chord L = 2·√(r² - u²), u = (D² + r² - s²)/2D."""
+    lens = teg.bracket(((x - cx) ** 2 + (y - cy) ** 2 < 0.3**2) & ((x - px) ** 2 + (y - py) ** 2 < 0.4**2))
+    f = teg.compile(teg.integral(lens, (x, left, left + 2), (y, low, low + 2)), [cx, px])
+    at = {"cx": 0.75, "cy": 0.75, "px": 1.125, "py": 1.0, "left": 0.0, "low": 0.0}
+    found = f.hessian({k: v + shift for k, v in at.items()})
+    d = np.hypot(0.375, 0.25)
+    u = (d * d + 0.3**2 - 0.4**2) / (2 * d)
+    chord = 2 * np.sqrt(0.3**2 - u * u)
+    steeper = 4 * u * (1 - u / d) / chord  # of -L by D
+    wanted = steeper * (0.375 / d) ** 2 - chord / d * (0.25 / d) ** 2
+    assert found["cx", "cx"] == pytest.approx(wanted, rel=1e-10)
+    assert found["cx", "px"] == pytest.approx(-wanted, rel=1e-10)
+
+
+@pytest.mark.parametrize("shift", [1000.0, 2.0**20, -(2.0**30)])
+def test_smooth_functions_move_along(shift: float) -> None:
+    lens = ((x - cx) ** 2 + (y - cy) ** 2 < r) & ((x - px) ** 2 + (y - py) ** 2 < 0.4)
+    f = teg.compile(inside(lens, teg.exp(x - cx) * teg.cos((y - py) * (x - left))))
+    near, far = (moved(f, *by) for by in ((0.0, 0.0), (shift, -shift)))
+    (value, gradient), (there, slopes) = f.value_and_grad(near), f.value_and_grad(far)
+    assert abs(value - there) <= 1e-12
+    assert max(abs(gradient[k] - slopes[k]) for k in gradient) <= 1e-11
+    second, seconds = (f.hvp(at, {"cx": 1.0, "low": 0.5}) for at in (near, far))
+    assert max(abs(second[k] - seconds[k]) for k in second) <= 1e-10
+
+
+@pytest.mark.parametrize("shift", [300.0, 1000.0, 4096.0])
+def test_disks_cross_in_absolute_coordinates(shift: float) -> None:
+    """A root in the integrand keeps x where it is; y is relative to the corner."""
+    lens = teg.bracket(((x - cx) ** 2 + (y - cy) ** 2 < 0.25**2) & ((x - px) ** 2 + (y - py) ** 2 < 0.3125**2))
+    f = teg.compile(teg.integral(lens * teg.sqrt(1 + x - left), *PIXEL), [cx, px])
+    at = {"cx": 0.3125, "cy": 0.375, "px": 0.5625, "py": 0.5, "left": 0.0, "low": 0.0}
+    near, far = (f.hessian({k: v + by for k, v in at.items()}) for by in (0.0, shift))
+    assert max(abs(near[k] - far[k]) for k in near) <= 1e-8
 
 
 def test_a_disk_by_its_formula() -> None:
