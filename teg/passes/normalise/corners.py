@@ -80,10 +80,14 @@ def _origins(order: Sequence[Node], root: Expr) -> dict[Var, Expr]:
 
 def _differences(node: Expr) -> frozenset[Var]:
     """Returns the variables that move together with parameters in the argument of a smooth function: x in exp(x - c)."""
-    if not (isinstance(node, Call) and node.name in SMOOTH):
+    if not (isinstance(node, Call) and node.name in SMOOTH and all(_is_of_a_polynomial(n) for n in postorder(node.children))):
         return frozenset()
     groups = groups_of(node.children[0])
     return frozenset(v for v in node.free if any(v in g and any(isinstance(s, Param) for s in g) for g in groups))
+
+
+def _is_of_a_polynomial(node: Node) -> bool:
+    return isinstance(node, Add | Mul | Param | Var | Const) or (isinstance(node, Pow) and node.exponent > 0)
 
 
 def _origin(node: Integral) -> Expr | None:

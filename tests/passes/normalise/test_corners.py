@@ -170,6 +170,7 @@ def test_what_stays_as_it_is() -> None:
         teg.integral(teg.bracket((x - cx) ** 2 + y**2 < r), *near),
         teg.integral(teg.bracket(x < t) * teg.sqrt(x - cx), (x, left, left + 1)),
         inside((x - cx) ** 2 + (y - cy) ** 2 < r, teg.exp(x + y)),
+        inside((x - cx) ** 2 + (y - cy) ** 2 < r, teg.exp(teg.bracket(x < t)) * teg.sin(teg.sqrt(x - t)) * teg.cos(y / t)),
         inside((y > cy) & (x > cx) & (x + y < t)),
         inside(x * y < t),
     ):
