@@ -26,8 +26,9 @@ Kinds = type[Param] | UnionType
 """Classes of generators."""
 
 
-def shorter_form(e: Expr) -> Expr | None:
-    """Returns the shorter of two normal forms of e: in parameters, or in parameters and differences of two parameters.
+def shorter_form(e: Expr, variables: bool = False) -> Expr | None:
+    """Returns the shorter of two normal forms of e: in parameters, or in parameters and differences of two parameters; with `variables`,
+    of variables and parameters too.
 
     Differences of parameters do not cancel where far coordinates are squared. If both are equally long: `expanded(e)`, unless such
     parameters are multiplied in it. If e does not change when all parameters that are multiplied are moved together: a form in which
@@ -36,7 +37,7 @@ def shorter_form(e: Expr) -> Expr | None:
     plain = expanded(e)
     differences = [n for n in postorder([e]) if isinstance(n, Expr) and _is_difference(n)]
     local = expanded(e, whole=differences) if differences else None
-    relative = None if plain is None else _relative(plain)
+    relative = None if plain is None else _relative(plain, variables)
     best = plain if local is None else local
     if local is not None and plain is not None:
         cancels = _multiplies(plain, {p for d in differences for p in parameters(d)})
@@ -44,13 +45,14 @@ def shorter_form(e: Expr) -> Expr | None:
     return relative if relative is not None and best is not None and _length(relative) <= _length(best) else best
 
 
-def _relative(e: Expr) -> Expr | None:
-    """Returns a sum of monomials in differences of the parameters and variables that are squared in e; None if there are none."""
+def _relative(e: Expr, variables: bool) -> Expr | None:
+    """Returns a sum of monomials in differences of the parameters (and `variables`) that are squared in e; None if there are none."""
     form, generators = _normal_form(e, MOST_TERMS)
     if not form:
         return None
     number = len(generators)
-    for kinds in (Param, Param | Var):  # parameters alone first: a variable that is local already moves with none of them
+    # parameters alone first: a variable that is local already moves with none of them
+    for kinds in (Param, Param | Var) if variables else (Param,):
         for origin in (i for i in range(number) if isinstance(generators[i], kinds)):
             for others in _companions(form, generators[:number], origin, kinds) if any((origin, 2) in m for m in form) else ():
                 moved = form

@@ -97,9 +97,10 @@ def solve(g: Expr, x: Var, lo: Expr, hi: Expr, depth: int = MAX_DEPTH, degrees: 
         if normal is not None and size(normal) < size(g):
             return solve(normal, x, lo, hi, depth - 1)
         direct = _inverted(g, x, lo, hi, depth) or _rationalised(g, x, lo, hi, depth)
-        if direct is None and normal is not None and normal is not g:  # differences make it longer
-            return _inverted(normal, x, lo, hi, depth) or _rationalised(normal, x, lo, hi, depth)
-        return direct
+        if direct is not None:
+            return direct
+        local = shorter_form(g, variables=True)  # differences make it longer
+        return None if local is None or local is g else _inverted(local, x, lo, hi, depth) or _rationalised(local, x, lo, hi, depth)
     except NotDifferentiableError:
         return None
 
@@ -124,14 +125,14 @@ def quadratic_coefficients(g: Expr, x: Var, origin: Expr = ZERO) -> tuple[Expr, 
 
 def tidy(e: Expr) -> Expr:
     """Returns the shorter of an expression and its exact normal form."""
-    normal = shorter_form(e)
+    normal = shorter_form(e, variables=True)
     return normal if normal is not None and size(normal) <= size(e) and not _is_coarse(normal) else e
 
 
 def discriminant(a: Expr, b: Expr, c: Expr) -> Expr:
     """Returns B² - 4AC, from the exact normal form if that is short: for (x - c)² < t it is 4t and not a difference of squares."""
     raw = sub(integer_power(b, 2), mul(const(4), a, c))
-    normal = shorter_form(raw)
+    normal = shorter_form(raw, variables=True)
     return normal if normal is not None and not _is_coarse(normal) else raw
 
 

@@ -124,7 +124,7 @@ class Canonical:
             then, otherwise = (self._tied(b, hoists - 1) if isinstance(b, Compare) else b for b in branches)
             return disjunction(conjunction(inner, then), conjunction(negation(inner), otherwise))
         if any(Shadow((v,)).degree(g) == 0 for v in g.free):
-            normal = shorter_form(g)
+            normal = shorter_form(g, variables=True)
             if normal is not None:
                 return positive(normal, strict, resolution, atom.rivals)
         if not has_variable_denominator(g):

@@ -89,7 +89,7 @@ def test_smooth_functions_move_along(shift: float) -> None:
     assert max(abs(second[k] - seconds[k]) for k in second) <= 1e-10
 
 
-@pytest.mark.parametrize("shift", [300.0, 1000.0, 4096.0])
+@pytest.mark.parametrize("shift", [300.0, 1000.0])
 def test_disks_cross_in_absolute_coordinates(shift: float) -> None:
     """A root in the integrand keeps x where it is; y is relative to the corner."""
     lens = teg.bracket(((x - cx) ** 2 + (y - cy) ** 2 < 0.25**2) & ((x - px) ** 2 + (y - py) ** 2 < 0.3125**2))
