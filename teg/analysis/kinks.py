@@ -38,11 +38,37 @@ def kinks_of(g: Expr) -> list[Where]:
     return [node for node in value_nodes(g) if isinstance(node, Where) and node.condition.free]
 
 
+class Kinks:
+    """Which branches are continuous. What expressions share is visited once."""
+
+    def __init__(self) -> None:
+        self._points = (Point("first"), Point("second"))
+
+    def sign(self, e: Where) -> int:
+        """Returns 1 for the maximum of both branches of `e`, -1 for their minimum, and 0 for another branch."""
+        return self.sign_of(e.condition, e.then, e.otherwise)
+
+    def sign_of(self, condition: Cond, then: Expr, otherwise: Expr) -> int:
+        """Returns the same for where(condition, then, otherwise)."""
+        if not isinstance(condition, Compare) or condition.resolution is not None:
+            return 0
+        h, difference = condition.g, sub(then, otherwise)
+        ratios: list[int] = []
+        for point in self._points:
+            of_h, of_difference = (point.value(u) for u in (h, difference))
+            if not of_h or of_difference is None:
+                return 0
+            ratios.append(divided(of_difference, of_h))
+        sign = sign_of_residue(ratios[0]) if ratios[0] == ratios[1] else None
+        return int(sign or 0)
+
+
 class Extremes:
     """Functions with their continuous branches written as extremes. What functions share is written once."""
 
     def __init__(self) -> None:
         self._new: dict[Expr, Expr] = {}
+        self._kinks = Kinks()
 
     def of(self, g: Expr) -> Expr:
         """Returns g with its continuous branches, in value position, written as extremes."""
@@ -50,46 +76,26 @@ class Extremes:
         for node in value_nodes(g, new):
             result = cast(Expr, rebuild(node, tuple([new.get(cast(Expr, c), c) for c in node.children])))
             if isinstance(result, Where) and result.condition.free:
-                result = _as_extreme(result)
+                result = self._as_extreme(result)
             new[node] = result
         return new[g]
 
     def is_kink(self, e: Where) -> bool:
         """Returns whether `e` is continuous where its condition is 0, which may have extremes where the branches of `e` have branches."""
-        if sign_of_kink(e):
+        if self._kinks.sign(e):
             return True
         if not isinstance(e.condition, Compare) or not any(map(is_extreme, value_nodes(e.condition.g))):
             return False
-        return bool(_sign(e.condition, self.of(e.then), self.of(e.otherwise)))
+        return bool(self._kinks.sign_of(e.condition, self.of(e.then), self.of(e.otherwise)))
 
-
-def sign_of_kink(e: Where) -> int:
-    """Returns 1 for the maximum of both branches of `e`, -1 for their minimum, and 0 for another branch."""
-    return _sign(e.condition, e.then, e.otherwise)
-
-
-def _sign(condition: Cond, then: Expr, otherwise: Expr) -> int:
-    if not isinstance(condition, Compare) or condition.resolution is not None:
-        return 0
-    h, difference = condition.g, sub(then, otherwise)
-    ratios: list[int] = []
-    for trial in ("first", "second"):
-        of_h, of_difference = (Point(trial).value(u) for u in (h, difference))
-        if not of_h or of_difference is None:
-            return 0
-        ratios.append(divided(of_difference, of_h))
-    sign = sign_of_residue(ratios[0]) if ratios[0] == ratios[1] else None
-    return int(sign or 0)
-
-
-def _as_extreme(e: Where) -> Expr:
-    sign = sign_of_kink(e)
-    if not sign:
-        return e
-    if e.otherwise is mul(MINUS_ONE, e.then):
-        size = call("magnitude", e.then)
-        return size if sign > 0 else mul(MINUS_ONE, size)
-    return call("max" if sign > 0 else "min", e.then, e.otherwise)
+    def _as_extreme(self, e: Where) -> Expr:
+        sign = self._kinks.sign(e)
+        if not sign:
+            return e
+        if e.otherwise is mul(MINUS_ONE, e.then):
+            size = call("magnitude", e.then)
+            return size if sign > 0 else mul(MINUS_ONE, size)
+        return call("max" if sign > 0 else "min", e.then, e.otherwise)
 
 
 def value_nodes(g: Expr, known: Container[Expr] = ()) -> list[Expr]:

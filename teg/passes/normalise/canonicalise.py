@@ -23,7 +23,7 @@ from teg.analysis.antiderivative import integrated
 from teg.analysis.coincidence import short_form
 from teg.analysis.expanded import shorter_form
 from teg.analysis.jumps import assign
-from teg.analysis.kinks import Extremes, kinks_of, sign_of_kink, value_nodes
+from teg.analysis.kinks import Extremes, Kinks, kinks_of, value_nodes
 from teg.analysis.polynomial import Point, Shadow
 from teg.analysis.surfaces import atoms_of, binders_inside
 from teg.ir import expr as ex
@@ -211,10 +211,11 @@ def _many_kinks(order: list[Node]) -> set[Compare]:
             many.add(node)
             waiting.append(node.g)
     seen: set[Expr] = set()
+    kinks = Kinks()
     for g in waiting:
         for kink in value_nodes(g, seen):
             seen.add(kink)
-            if isinstance(kink, Where) and isinstance(kink.condition, Compare) and sign_of_kink(kink):
+            if isinstance(kink, Where) and isinstance(kink.condition, Compare) and kinks.sign(kink):
                 many.add(kink.condition)
     return many
 

@@ -69,19 +69,21 @@ def _origins(order: Sequence[Node], root: Expr) -> dict[Var, Expr]:
     function may be singular, or have steps, somewhere else than at the origin; moved with the origin, it would have no derivative by it.
     """
     origins: dict[Var, Expr | None] = {}
+    polynomials: set[Node] = set()
     for node in order:
-        if isinstance(node, Integral):
+        if _is_of_a_polynomial(node) and polynomials.issuperset(node.children):
+            polynomials.add(node)
+        elif isinstance(node, Integral):
             o = _origin(node)
             origins[node.var] = o if origins.get(node.var, o) is o else None
         elif isinstance(node, Call) or (isinstance(node, Pow) and node.exponent < 0):
-            origins.update(dict.fromkeys(node.free - _differences(node), None))
+            smooth = isinstance(node, Call) and node.name in SMOOTH and polynomials.issuperset(node.children)
+            origins.update(dict.fromkeys(node.free - _differences(cast(Call, node)) if smooth else node.free, None))
     return {v: o for v, o in origins.items() if o is not None and v not in root.free}
 
 
-def _differences(node: Expr) -> frozenset[Var]:
-    """Returns the variables that move together with parameters in the argument of a smooth function: x in exp(x - c)."""
-    if not (isinstance(node, Call) and node.name in SMOOTH and all(_is_of_a_polynomial(n) for n in postorder(node.children))):
-        return frozenset()
+def _differences(node: Call) -> frozenset[Var]:
+    """Returns the variables that move together with parameters in the argument of a function: x in exp(x - c)."""
     groups = groups_of(node.children[0])
     return frozenset(v for v in node.free if any(v in g and any(isinstance(s, Param) for s in g) for g in groups))
 

@@ -17,7 +17,7 @@ from typing import cast
 
 from teg.analysis.breaks import is_sum_of_squares
 from teg.analysis.extents import extents
-from teg.analysis.kinks import kinks_of, sign_of_kink, value_nodes
+from teg.analysis.kinks import Kinks, kinks_of, value_nodes
 from teg.ir.cells import Symbols
 from teg.ir.expr import Add, Call, Compare, Cond, Const, Expr, Mul, Pow, Where, const
 from teg.ir.function import Apply
@@ -70,7 +70,8 @@ def with_smooth_atoms(root: Expr) -> Expr:
 
 def _kinks(order: Sequence[Node]) -> dict[Where, int]:
     """Returns the continuous branches on variables among nodes, and whether each is a maximum (1) or a minimum (-1)."""
-    signs = {n: sign_of_kink(n) for n in order if isinstance(n, Where) and n.condition.free}
+    kinks = Kinks()
+    signs = {n: kinks.sign(n) for n in order if isinstance(n, Where) and n.condition.free}
     return {n: sign for n, sign in signs.items() if sign}
 
 
@@ -131,10 +132,11 @@ def _written_out(atom: Compare) -> Cond:
 def _alternatives(g: Expr) -> Alternatives | Where | None:
     """Returns g as a maximum of minima, or a branch that must be decided first; None if there are too many."""
     lattice: dict[Expr, Alternatives] = {}  # of nodes with branches below them
+    kinks = Kinks()
     for node in value_nodes(g):
         branching = [c for c in node.children if c in lattice]
         if isinstance(node, Where) and node.condition.free:
-            sign = sign_of_kink(node)
+            sign = kinks.sign(node)
             if not sign:
                 return node
             sides = [lattice.get(side, [[side]]) for side in (node.then, node.otherwise)]
