@@ -19,7 +19,7 @@ from typing import cast
 
 from teg.analysis.branches import branches_of, cases_of
 from teg.analysis.isolation import MAX_ROOTS, Isolation, Location, isolate, locate
-from teg.analysis.kinks import EXTREMES, kink_of
+from teg.analysis.kinks import EXTREMES, kink_of, with_branches
 from teg.analysis.polynomial import Degrees, Point, Poly, Ratio, Shadow
 from teg.analysis.projection import Contribution, Projection, Turn, near, within
 from teg.analysis.roots import Roots, far_origin, quadratic_coefficients, quadratic_roots, solve, tidy
@@ -210,7 +210,7 @@ class BreakAnalysis:
                 stack.append((node.g, counts and bool(node.g.free & inner)))
             else:
                 stack.extend((c, counts) for c in node.children)
-            if isinstance(node, Call) and not counts and node.name in _PARTIAL and not node.free & inner and not is_sum_of_squares(node):
+            if isinstance(node, Call) and not counts and node.name in _PARTIAL and not node.free & inner and not _is_sum_of_squares(node):
                 collected.functions[node.children[0]] = TRUE  # the border of the set on which the condition is a number
             if isinstance(node, Call) and not node.free & inner:
                 if node.name in EXTREMES:
@@ -326,7 +326,7 @@ class BreakAnalysis:
         """
         points: list[Expr] = []
         certain = True
-        branches = branches_of(f)
+        branches = branches_of(with_branches(f))
         if branches is None:
             return None
         for branch in branches:
@@ -436,7 +436,7 @@ def _is_shift(e: Expr) -> bool:
     return all(k.count(Param) <= 1 and set(k) <= {Param, Const} for k in kinds) and any(Param in k for k in kinds)
 
 
-def is_sum_of_squares(node: Call) -> bool:
+def _is_sum_of_squares(node: Call) -> bool:
     """Returns whether the argument of a function is a sum of even powers with non-negative coefficients."""
     terms = node.children[0].children if isinstance(node.children[0], Add) else node.children[:1]
     for term in terms:

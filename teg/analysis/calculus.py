@@ -13,6 +13,9 @@ from teg.ir.function import Apply, apply_partials
 from teg.ir.node import Node, postorder, postorder_through
 from teg.ir.simplify import add, call, div, integer_power, mul, positive, sub, where
 
+SMOOTH = frozenset(("exp", "expm1", "sin", "cos", "sinh", "cosh", "tanh", "atan", "erf", "erfc"))
+"""Functions of all numbers without singularities, kinks or steps."""
+
 
 def partials(node: Call) -> list[Expr]:
     """Returns ∂f/∂uᵢ of a function applied, in the order of its arguments."""

@@ -11,7 +11,7 @@ differentiate each occurrence alone; the rule for the whole integrand is new her
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Any, cast
 
 from teg.analysis.calculus import factor_cofactors
@@ -29,36 +29,28 @@ from teg.ir.simplify import add, mul, sub, where
 from teg.ir.traverse import rebuild, replace_node
 
 
-def _containing(root: Node, surface: Expr) -> list[Node]:
-    """Returns the nodes that contain the surface (outside of resolutions), children first."""
+def _containing(root: Node, surface: Expr, kinks: Collection[Node] = ()) -> list[Node]:
+    """Returns the nodes that contain the surface (outside of resolutions), children first; conditions of `kinks` do not count."""
     contains: dict[Node, bool] = {}
     order: list[Node] = []
     for node in postorder([root]):
-        children = node.children[:1] if isinstance(node, Compare) else node.children
+        children = node.children[:1] if isinstance(node, Compare) else node.children[1:] if node in kinks else node.children
         contains[node] = (isinstance(node, Compare) and node.g is surface) or any([contains[c] for c in children])
         if contains[node]:
             order.append(node)
     return order
 
 
-def _jumping(order: list[Node], surface: Expr, poles: Poles) -> list[Node]:
-    """Returns the nodes that may jump, of those that contain the surface: a kink on it has one limit from both sides, and so has what is
-    made of kinks, but for their quotients with what is 0 there."""
+def _jumping(e: Expr, surface: Expr, poles: Poles) -> list[Node]:
+    """Returns the nodes that contain the surface and may jump on it. A kink on it has one limit from both sides, and so has what is made of
+    kinks, but for their quotients with what is 0 there."""
+    order = _containing(e, surface)
     if any((isinstance(n, Call) and n.name in ("pow", "log")) or poles.has(n) or any(map(poles.has, n.children)) for n in order):
         return order
-    extremes, jumping = Extremes(), set(order)
-    kept: list[Node] = []
-    for node in order:
-        parts = node.children
-        if isinstance(node, Where) and isinstance(node.condition, Compare) and node.condition.g is surface and extremes.is_kink(node):
-            parts = node.children[1:]
-        if any(c in jumping for c in parts[: 1 if isinstance(node, Compare) else None]) or (
-            isinstance(node, Compare) and node.g is surface
-        ):
-            kept.append(node)
-        else:
-            jumping.discard(node)
-    return kept
+    extremes = Extremes()
+    own = [n for n in order if isinstance(n, Where) and isinstance(n.condition, Compare) and n.condition.g is surface]
+    kinks = {n for n in own if extremes.is_kink(n)}
+    return _containing(e, surface, kinks) if kinks else order
 
 
 def _assign(order: list[Node], surface: Expr, value: Cond, limit: Callable[[Node], Node] = lambda node: node) -> dict[Node, Node]:
@@ -81,7 +73,7 @@ def assign(e: Node, surface: Expr, value: bool) -> Node:
 def jump(e: Expr, surface: Expr) -> Expr:
     """Returns F|g:=true - F|g:=false of the whole expression."""
     poles = Poles(surface)
-    order = _jumping(_containing(e, surface), surface, poles)
+    order = _jumping(e, surface, poles)
     if not order or order[-1] is not e:
         return ZERO
     one, zero = (_assign(order, surface, side) for side in (TRUE, FALSE))

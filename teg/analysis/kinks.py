@@ -15,7 +15,7 @@ from typing import cast
 from teg.analysis.polynomial import Point
 from teg.ir.expr import MINUS_ONE, Add, Call, Compare, Cond, Expr, Mul, Pow, Where
 from teg.ir.node import Node
-from teg.ir.simplify import call, mul, sub
+from teg.ir.simplify import call, mul, positive, sub, where
 from teg.ir.traverse import rebuild
 from teg.numerics.field import divided, sign_of_residue
 
@@ -96,6 +96,20 @@ class Extremes:
             size = call("magnitude", e.then)
             return size if sign > 0 else mul(MINUS_ONE, size)
         return call("max" if sign > 0 else "min", e.then, e.otherwise)
+
+
+def with_branches(f: Expr) -> Expr:
+    """Returns f with its extremes, in value position, written as branches."""
+    new: dict[Expr, Expr] = {}
+    for node in value_nodes(f):
+        result = cast(Expr, rebuild(node, tuple([new.get(cast(Expr, c), c) for c in node.children])))
+        if isinstance(result, Call) and result.name in EXTREMES:
+            first, *others = result.children
+            other = others[0] if others else mul(MINUS_ONE, first)
+            above = positive(kink_of(result))
+            result = where(above, other, first) if result.name == "min" else where(above, first, other)
+        new[node] = result
+    return new[f]
 
 
 def value_nodes(g: Expr, known: Container[Expr] = ()) -> list[Expr]:

@@ -472,19 +472,10 @@ def _padded(node: Partition, order: int, shape: Layout, numbers: Sequence[Expr],
 
 
 def _sources(roots: Sequence[Expr]) -> dict[Expr | None, list[tuple[Expr, frozenset[Expr]]]]:
-    """Returns the outermost integrals of all cells, each with its leaves, by the first of these; None for one without leaves."""
+    """Returns all integrals, each with its leaves, by the first of these; None for one without leaves."""
     found: dict[Expr | None, list[tuple[Expr, frozenset[Expr]]]] = {}
-    seen: set[Node] = set()
-    waiting: list[Node] = list(roots)
-    while waiting:
-        node = waiting.pop()
-        if node in seen:
-            continue
-        seen.add(node)
+    for node in postorder(roots):
         if isinstance(node, Integral):
             leaves = cell_leaves([node])
             found.setdefault(leaves[0] if leaves else None, []).append((node, frozenset(leaves)))
-            waiting += leaves
-        else:
-            waiting += node.children
     return found

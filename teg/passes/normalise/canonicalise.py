@@ -17,6 +17,7 @@ Linear in the program, up to the few conditions that are hoisted.
 from __future__ import annotations
 
 import math
+from itertools import islice
 from typing import cast
 
 from teg.analysis.antiderivative import integrated
@@ -205,8 +206,7 @@ def _many_kinks(order: list[Node]) -> set[Compare]:
             few[node] = frozenset((node,)) | few[node.then] | few[node.otherwise]
         else:
             few[node] = few[node.then] | few[node.otherwise] if isinstance(node, Where) else none
-        if len(few[node]) > MAX_KINKS + 1:
-            few[node] = frozenset(sorted(few[node], key=id)[: MAX_KINKS + 1])
+        few[node] = frozenset(islice(few[node], MAX_KINKS + 1))  # so many are many
         if isinstance(node, Compare) and len(few[node.g]) > MAX_KINKS:
             many.add(node)
             waiting.append(node.g)

@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import cast
 
+from teg.analysis.calculus import SMOOTH
 from teg.analysis.expanded import expanded
 from teg.analysis.polynomial import Shadow
 from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Call, Compare, Const, Expr, Mul, Param, Pow, Var
@@ -29,8 +30,6 @@ from teg.passes.normalise.origins import Group, groups_of, is_fixed, outermost_p
 
 FAR = 4.0
 """A variable is far away if it exceeds the distance of its bounds by this factor."""
-SMOOTH = frozenset(("exp", "expm1", "sin", "cos", "sinh", "cosh", "tanh", "atan", "erf", "erfc"))
-"""Functions without singularities, kinks or steps."""
 MANY = 3
 """So many straight surfaces make a polygon."""
 

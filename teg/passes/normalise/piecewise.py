@@ -11,13 +11,13 @@ affine get the first form, if it is short (`with_smooth_atoms`): `[minimum(f, g)
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import product
 from typing import cast
 
-from teg.analysis.breaks import is_sum_of_squares
-from teg.analysis.extents import extents
-from teg.analysis.kinks import Kinks, kinks_of, value_nodes
+from teg.analysis.calculus import SMOOTH
+from teg.analysis.extents import EVERYTHING, Extent, extents
+from teg.analysis.kinks import EXTREMES, Kinks, kinks_of, value_nodes
 from teg.ir.cells import Symbols
 from teg.ir.expr import Add, Call, Compare, Cond, Const, Expr, Mul, Pow, Where, const
 from teg.ir.function import Apply
@@ -29,7 +29,6 @@ from teg.ir.traverse import replace_node, rewrite
 MOST_ATOMS = 64
 FEW_ATOMS = 12
 """The largest number of smooth functions that a condition on extremes of them is written as."""
-_TOTAL = frozenset(("exp", "expm1", "sin", "cos", "sinh", "cosh", "tanh", "atan", "erf", "erfc", "magnitude", "min", "max"))
 MOST_DEPTH = 8
 """The number of branches that may stand in conditions of each other."""
 
@@ -41,10 +40,16 @@ def with_affine_atoms(condition: Cond) -> Cond:
     """Returns an equivalent condition whose atoms have no branches that depend on variables of integration, where that is possible."""
     if not any(isinstance(n, Where) and n.condition.free for n in postorder([condition])):
         return condition
-    symbols = Symbols()
+    symbols, kinks = Symbols(), Kinks()
+
+    def visit(_: Node, node: Node) -> Node:
+        if isinstance(node, Compare) and node.resolution is None and node.free and kinks_of(node.g):
+            return _written_out(node, kinks)
+        return node
+
     (cell,) = symbols.into([cast(Expr, cast(Node, condition))])
     for _ in range(MOST_DEPTH):
-        before, cell = cell, cast(Expr, rewrite([cell], _visit)[cell])
+        before, cell = cell, cast(Expr, rewrite([cell], visit)[cell])
         if cell is before:
             break
     return cast(Cond, cast(Node, symbols.out_of([cell])[0]))
@@ -55,37 +60,32 @@ def with_smooth_atoms(root: Expr) -> Expr:
 
     The condition that decides an extreme itself stays: it is no border. An extreme that is always the same one of both is that one.
     """
-    root = _without_decided(root)
+    kinks = Kinks()
+    root = _without_decided(root, kinks)
     order = postorder([root])
-    kinks = _kinks(order)
-    own = {n.condition for n in kinks}
+    own = {n.condition for n in order if isinstance(n, Where) and n.condition.free and kinks.sign(n)}
+    bounds = extents(order, {}) if own else {}
     chosen: dict[Node, Cond] = {}
-    for atom in order if kinks else ():
+    for atom in order if own else ():
         if isinstance(atom, Compare) and atom.free and atom.resolution is None and atom not in own and kinks_of(atom.g):
-            parts = _alternatives(atom.g) if _is_a_number(atom.g) else None
+            parts = _alternatives(atom.g, kinks) if _is_a_number(atom.g, bounds) else None
             if isinstance(parts, list) and sum(map(len, parts)) <= FEW_ATOMS:
                 chosen[atom] = disjunction(*(conjunction(*(positive(f, atom.strict) for f in part)) for part in parts))
     return cast(Expr, rewrite([root], lambda old, new: chosen.get(old, new))[root]) if chosen else root
 
 
-def _kinks(order: Sequence[Node]) -> dict[Where, int]:
-    """Returns the continuous branches on variables among nodes, and whether each is a maximum (1) or a minimum (-1)."""
-    kinks = Kinks()
-    signs = {n: kinks.sign(n) for n in order if isinstance(n, Where) and n.condition.free}
-    return {n: sign for n, sign in signs.items() if sign}
-
-
-def _without_decided(root: Expr) -> Expr:
+def _without_decided(root: Expr, kinks: Kinks) -> Expr:
     """Returns the program without extremes of which bounds, as numbers, say which of both they are: minimum(maximum(x, 0), -1) is -1."""
     order = postorder([root])
-    kinks = _kinks(order)
-    bounds = extents(order, {}) if kinks else {}
+    signs = {n: kinks.sign(n) for n in order if isinstance(n, Where) and n.condition.free}
+    bounds = extents(order, {}) if any(signs.values()) else {}
     decided: dict[Node, int] = {}
-    for kink, sign in kinks.items():
-        (least, most), (least_other, most_other) = (bounds[side][::sign] for side in (kink.then, kink.otherwise))
-        side = 1 if sign * least >= sign * most_other else 2 if sign * least_other >= sign * most else 0
-        if side and _is_a_number(kink):
-            decided[kink] = side
+    for kink, sign in signs.items():
+        if sign:
+            (least, most), (least_other, most_other) = (bounds[side][::sign] for side in (kink.then, kink.otherwise))
+            side = 1 if sign * least >= sign * most_other else 2 if sign * least_other >= sign * most else 0
+            if side and _is_a_number(kink, bounds):
+                decided[kink] = side
 
     def visit(old: Node, new: Node) -> Node:
         return new.children[decided[old]] if old in decided and isinstance(new, Where) else new
@@ -93,30 +93,32 @@ def _without_decided(root: Expr) -> Expr:
     return cast(Expr, rewrite([root], visit)[root]) if decided else root
 
 
-def _is_a_number(g: Expr) -> bool:
-    """Returns whether a function has a value everywhere, as far as its operations say: what NaN does depends on the form of a condition."""
-    return not any(
-        isinstance(n, Integral | Apply)
-        or (isinstance(n, Call) and n.name not in _TOTAL and n.free and not (n.name == "sqrt" and is_sum_of_squares(n)))
-        or (isinstance(n, Pow) and n.exponent < 0 and n.free)
-        for n in value_nodes(g)
-    )
+def _is_a_number(g: Expr, bounds: Mapping[Node, Extent]) -> bool:
+    """Returns whether a function has a value everywhere, as far as `bounds` say: what NaN does depends on the form of a condition."""
+    for n in value_nodes(g):
+        least, most = bounds[n.children[0]] if isinstance(n, Call | Pow) and not isinstance(n, Apply) else EVERYTHING
+        match n:
+            case Integral() | Apply():
+                return False
+            case Pow() if n.exponent < 0 and n.free and least <= 0.0 <= most:
+                return False
+            case Call(name="sqrt") if n.free and least < 0.0:
+                return False
+            case Call(name="pow" | "log") if n.free and least <= 0.0:
+                return False
+            case Call() if n.free and n.name not in SMOOTH and n.name not in EXTREMES and n.name not in ("sqrt", "pow", "log"):
+                return False
+    return True
 
 
-def _visit(_: Node, node: Node) -> Node:
-    if isinstance(node, Compare) and node.resolution is None and node.free and kinks_of(node.g):
-        return _written_out(node)
-    return node
-
-
-def _written_out(atom: Compare) -> Cond:
+def _written_out(atom: Compare, kinks: Kinks) -> Cond:
     """Returns an atom as a condition on functions without branches in value position, or as it is if that is too long."""
     cases: list[Cond] = []
     waiting: list[tuple[tuple[Cond, ...], Expr]] = [((), atom.g)]
     count = 0
     while waiting:
         sides, g = waiting.pop()
-        result = _alternatives(g)
+        result = _alternatives(g, kinks)
         if isinstance(result, Where):
             then, otherwise = (cast(Expr, replace_node(g, result, side)) for side in (result.then, result.otherwise))
             waiting += [((*sides, negation(result.condition)), otherwise), ((*sides, result.condition), then)]
@@ -129,10 +131,9 @@ def _written_out(atom: Compare) -> Cond:
     return disjunction(*cases)
 
 
-def _alternatives(g: Expr) -> Alternatives | Where | None:
+def _alternatives(g: Expr, kinks: Kinks) -> Alternatives | Where | None:
     """Returns g as a maximum of minima, or a branch that must be decided first; None if there are too many."""
     lattice: dict[Expr, Alternatives] = {}  # of nodes with branches below them
-    kinks = Kinks()
     for node in value_nodes(g):
         branching = [c for c in node.children if c in lattice]
         if isinstance(node, Where) and node.condition.free:

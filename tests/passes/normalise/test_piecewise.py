@@ -75,6 +75,8 @@ def test_extremes_in_conditions() -> None:
     assert smooth(teg.minimum(f, g) < 0) == smooth((f < 0) | (g < 0))
     assert smooth(teg.maximum(f, g, X - Y) < T) == smooth((f < T) & (g < T) & (X - Y < T))
     assert smooth(teg.abs(f) < T) == smooth((f < T) & (-f < T))
+    bounded = teg.log(1 + X * X), 1 / (2 + Y * Y)  # numbers everywhere
+    assert smooth(teg.maximum(*bounded) < T) == smooth((bounded[0] < T) & (bounded[1] < T))
     for whole in (
         teg.maximum(teg.sqrt(X - T), Y),
         teg.maximum(teg.log(X * X), Y),
