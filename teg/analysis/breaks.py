@@ -19,7 +19,7 @@ from typing import cast
 
 from teg.analysis.branches import branches_of, cases_of
 from teg.analysis.isolation import MAX_ROOTS, Isolation, Location, isolate, locate
-from teg.analysis.kinks import EXTREMES, kink_of, with_branches
+from teg.analysis.kinks import EXTREMES, kink_of, without_extremes
 from teg.analysis.polynomial import Degrees, Point, Poly, Ratio, Shadow
 from teg.analysis.projection import Contribution, Projection, Turn, near, within
 from teg.analysis.roots import Roots, far_origin, quadratic_coefficients, quadratic_roots, solve, tidy
@@ -326,7 +326,7 @@ class BreakAnalysis:
         """
         points: list[Expr] = []
         certain = True
-        branches = branches_of(with_branches(f))
+        branches = branches_of(without_extremes(f, x))
         if branches is None:
             return None
         for branch in branches:

@@ -13,7 +13,7 @@ from collections.abc import Container
 from typing import cast
 
 from teg.analysis.polynomial import Point
-from teg.ir.expr import MINUS_ONE, Add, Call, Compare, Cond, Expr, Mul, Pow, Where
+from teg.ir.expr import MINUS_ONE, Add, Call, Compare, Cond, Expr, Mul, Pow, Var, Where
 from teg.ir.node import Node
 from teg.ir.simplify import call, mul, positive, sub, where
 from teg.ir.traverse import rebuild
@@ -98,12 +98,12 @@ class Extremes:
         return call("max" if sign > 0 else "min", e.then, e.otherwise)
 
 
-def with_branches(f: Expr) -> Expr:
-    """Returns f with its extremes, in value position, written as branches."""
+def without_extremes(f: Expr, x: Var) -> Expr:
+    """Returns f with its extremes of functions of x, in value position, written as branches."""
     new: dict[Expr, Expr] = {}
     for node in value_nodes(f):
         result = cast(Expr, rebuild(node, tuple([new.get(cast(Expr, c), c) for c in node.children])))
-        if isinstance(result, Call) and result.name in EXTREMES:
+        if isinstance(result, Call) and result.name in EXTREMES and x in result.free:
             first, *others = result.children
             other = others[0] if others else mul(MINUS_ONE, first)
             above = positive(kink_of(result))
