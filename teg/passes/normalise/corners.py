@@ -64,11 +64,13 @@ def _axis(v: Var, order: Sequence[Node], polynomials: Mapping[Expr, Sequence[Gro
 def _origins(order: Sequence[Node], root: Expr) -> dict[Var, Expr]:
     """Returns the origins of variables that may be far away, the same in all integrals over them.
 
-    Only polynomials may depend on these variables, and functions without singularities of differences to parameters. Another
-    function may be singular, or have steps, somewhere else than at the origin; moved with the origin, it would have no derivative by it.
+    Where an origin is no number, only polynomials may depend on its variable, and functions without singularities of differences to
+    parameters. Another function may be singular, or have steps, somewhere else than at the origin; moved with the origin, it would have no
+    derivative by it.
     """
     origins: dict[Var, Expr | None] = {}
     polynomials: set[Node] = set()
+    at_numbers: set[Var] = set()
     for node in order:
         if _is_of_a_polynomial(node) and polynomials.issuperset(node.children):
             polynomials.add(node)
@@ -77,8 +79,8 @@ def _origins(order: Sequence[Node], root: Expr) -> dict[Var, Expr]:
             origins[node.var] = o if origins.get(node.var, o) is o else None
         elif isinstance(node, Call) or (isinstance(node, Pow) and node.exponent < 0):
             smooth = isinstance(node, Call) and node.name in SMOOTH and polynomials.issuperset(node.children)
-            origins.update(dict.fromkeys(node.free - _differences(cast(Call, node)) if smooth else node.free, None))
-    return {v: o for v, o in origins.items() if o is not None and v not in root.free}
+            at_numbers |= node.free - _differences(cast(Call, node)) if smooth else node.free
+    return {v: o for v, o in origins.items() if o is not None and v not in root.free and (isinstance(o, Const) or v not in at_numbers)}
 
 
 def _differences(node: Call) -> frozenset[Var]:

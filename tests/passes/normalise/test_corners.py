@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -97,6 +99,18 @@ def test_disks_cross_in_absolute_coordinates(shift: float) -> None:
     at = {"cx": 0.3125, "cy": 0.375, "px": 0.5625, "py": 0.5, "left": 0.0, "low": 0.0}
     near, far = (f.hessian({k: v + by for k, v in at.items()}) for by in (0.0, shift))
     assert max(abs(near[k] - far[k]) for k in near) <= 1e-8
+
+
+@pytest.mark.parametrize("function", [teg.sqrt, teg.log, lambda u: 1 / u])
+def test_any_function_moves_to_a_corner_that_is_a_number(function: Callable[[teg.Expr], teg.Expr]) -> None:
+    def second(shift: int) -> dict[tuple[str, str], float]:
+        lens = ((x - cx) ** 2 + (y - cy) ** 2 < 0.36) & ((x - px) ** 2 + (y - py) ** 2 < 0.25)
+        e = teg.integral(teg.bracket(lens) * function(3 + x + y - 2 * shift), (x, shift - 1, shift + 1), (y, shift - 1, shift + 1))
+        at = {"cx": 0.0, "cy": 0.0, "px": 0.5, "py": 0.25}
+        return teg.compile(e, [cx, py]).hessian({k: v + shift for k, v in at.items()})
+
+    near, far = second(0), second(65536)
+    assert max(abs(near[k] - far[k]) for k in near) <= 1e-11
 
 
 def test_a_disk_by_its_formula() -> None:
