@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from fractions import Fraction
 from types import UnionType
 from typing import cast
 
 from teg.ir.expr import Add, Const, Expr, Mul, Param, Pow, Var, const
 from teg.ir.node import postorder
-from teg.ir.simplify import add, mul, sub
+from teg.ir.simplify import add, integer_power, mul, sub
 from teg.ir.traverse import parameters
 
 MOST_TERMS = 48
@@ -19,7 +19,10 @@ MOST_TERMS = 48
 Powers = tuple[tuple[int, int], ...]
 """A monomial: pairs (number of the generator, exponent), sorted."""
 
-Form = dict[Powers, Fraction]
+Exact = int | Fraction
+"""A rational number; most are integers, which are added and multiplied in a tenth of the time."""
+
+Form = dict[Powers, Exact]
 """A polynomial with exact coefficients."""
 
 Kinds = type[Param] | UnionType
@@ -55,11 +58,8 @@ def _relative(e: Expr, variables: bool) -> Expr | None:
     for kinds in (Param, Param | Var) if variables else (Param,):
         for origin in (i for i in range(number) if isinstance(generators[i], kinds)):
             for others in _companions(form, generators[:number], origin, kinds) if any((origin, 2) in m for m in form) else ():
-                moved = form
-                for k, i in enumerate(others):
-                    moved = _shifted(moved, i, origin, len(generators) + k)
-                if others and len(moved) <= len(form) and not any(g == origin for m in moved for g, _ in m):
-                    form = moved
+                if others and _is_invariant(form, {origin, *others}):
+                    form = _from_origin(form, origin, {i: len(generators) + k for k, i in enumerate(others)})
                     generators += [add(generators[i], mul(const(-1.0), generators[origin])) for i in others]
                     break
     return _from_form(form, generators) if len(generators) > number else None
@@ -78,17 +78,20 @@ def _companions(form: Form, generators: Sequence[Expr], origin: int, kinds: Kind
         groups.append(sorted(group - {origin}))
 
 
-def _shifted(form: Form, i: int, origin: int, difference: int) -> Form:
-    """Returns a form in which generator i is the sum of two others."""
-    result: Form = {}
+def _is_invariant(form: Form, moving: Collection[int]) -> bool:
+    """Returns whether a form does not change when the same number is added to all these generators: its slope along that is 0."""
+    slope: Form = {}
     for m, weight in form.items():
-        powers = dict(m)
-        k = powers.pop(i, 0)
-        for s in range(k + 1):
-            new = {**powers, origin: powers.get(origin, 0) + k - s, difference: powers.get(difference, 0) + s}
-            key = tuple(sorted((g, n) for g, n in new.items() if n))
-            result[key] = result.get(key, Fraction(0)) + weight * math.comb(k, s)
-    return {m: weight for m, weight in result.items() if weight}
+        for at, (i, k) in enumerate(m):
+            if i in moving:
+                lower = m[:at] + (((i, k - 1),) if k > 1 else ()) + m[at + 1 :]
+                slope[lower] = slope.get(lower, 0) + k * weight
+    return not any(slope.values())
+
+
+def _from_origin(form: Form, origin: int, differences: Mapping[int, int]) -> Form:
+    """Returns a form that is invariant, where the origin is 0: the others are their differences to it then."""
+    return {tuple(sorted((differences.get(i, i), k) for i, k in m)): weight for m, weight in form.items() if all(i != origin for i, _ in m)}
 
 
 def _multiplies(e: Expr, factors: Collection[Expr]) -> bool:
@@ -152,7 +155,7 @@ def _root(form: Form, lead: Powers, k: int, size: int) -> Form | None:
     """Returns the monic polynomial whose k-th power is proportional to `form`; its terms are found from the highest
     missing one downwards."""
     top: Powers = tuple((i, j // k) for i, j in lead)
-    root: Form = {top: Fraction(1)}
+    root: Form = {top: 1}
     slope = {i: (k - 1) * j for i, j in top}
     while len(root) <= len(form):
         power: Form | None = {(): form[lead]}
@@ -160,7 +163,7 @@ def _root(form: Form, lead: Powers, k: int, size: int) -> Form | None:
             power = None if power is None else _product(power, root, 4 * len(form))
         if power is None:
             return None
-        missing = {m: form.get(m, Fraction(0)) - power.get(m, Fraction(0)) for m in {**form, **power}}
+        missing = {m: form.get(m, 0) - power.get(m, 0) for m in {**form, **power}}
         missing = {m: c for m, c in missing.items() if c}
         if not missing:
             return root
@@ -169,7 +172,7 @@ def _root(form: Form, lead: Powers, k: int, size: int) -> Form | None:
         name = tuple(sorted((i, j) for i, j in term.items() if j))
         if any(j < 0 for j in term.values()) or name in root:
             return None
-        root[name] = missing[highest] / (k * form[lead])
+        root[name] = Fraction(missing[highest]) / (k * form[lead])
     return None
 
 
@@ -190,11 +193,15 @@ def _product(a: Form, b: Form, limit: int) -> Form | None:
             for i, k in m2:
                 powers[i] = powers.get(i, 0) + k
             m = tuple(sorted((i, k) for i, k in powers.items() if k))
-            out[m] = out.get(m, Fraction(0)) + c1 * c2
+            out[m] = out.get(m, 0) + c1 * c2
     return {m: c for m, c in out.items() if c} if len(out) <= limit else None
 
 
-def _is_float(number: Fraction) -> bool:
+def _exact(number: float) -> Exact:
+    return int(number) if number.is_integer() else Fraction(number)
+
+
+def _is_float(number: Exact) -> bool:
     try:
         return Fraction(float(number)) == number
     except OverflowError:
@@ -207,7 +214,7 @@ def _from_form(form: Form, generators: Sequence[Expr], exact: bool = True) -> Ex
     for m, coefficient in form.items():
         if exact and not _is_float(coefficient):
             return None
-        terms.append(mul(const(float(coefficient)), *(generators[i] ** k for i, k in m)))
+        terms.append(mul(const(float(coefficient)), *(integer_power(generators[i], k) for i, k in m)))
     return add(*terms)
 
 
@@ -229,7 +236,7 @@ class _Generators:
         """Returns the power -k of a monomial. 1/a is a generator of its own, so a root of a form has no negative powers of a."""
         ((powers, weight),) = monomial.items()
         inverse = [(i if j < 0 else self.index(self.all[i] ** -1), k * abs(j)) for i, j in powers]
-        return {tuple(sorted(inverse)): weight**-k}
+        return {tuple(sorted(inverse)): Fraction(weight) ** -k}
 
 
 def _normal_form(e: Expr, limit: int, kept: frozenset[Expr] = frozenset()) -> tuple[Form | None, list[Expr]]:
@@ -252,7 +259,7 @@ def _normal_form(e: Expr, limit: int, kept: frozenset[Expr] = frozenset()) -> tu
             continue
         form: Form | None
         if isinstance(node, Const):
-            form = {(): Fraction(node.data)} if math.isfinite(node.data) and node.data else ({} if node.data == 0 else None)
+            form = {(): _exact(node.data)} if math.isfinite(node.data) and node.data else ({} if node.data == 0 else None)
         elif isinstance(node, Add) and node not in kept:
             form = {}
             for c in node.children:
@@ -261,11 +268,11 @@ def _normal_form(e: Expr, limit: int, kept: frozenset[Expr] = frozenset()) -> tu
                     form = None
                     break
                 for m, weight in part.items():
-                    form[m] = form.get(m, Fraction(0)) + weight
+                    form[m] = form.get(m, 0) + weight
             if form is not None:
                 form = {m: k for m, k in form.items() if k}
         elif isinstance(node, Mul) or (isinstance(node, Pow) and 0 < node.exponent <= 8):
-            form = {(): Fraction(1)}
+            form = {(): 1}
             for c in node.children if isinstance(node, Mul) else (node.base,) * node.exponent:
                 part = forms[c]
                 form = None if form is None or part is None else _product(form, part, 4 * limit)
@@ -273,7 +280,7 @@ def _normal_form(e: Expr, limit: int, kept: frozenset[Expr] = frozenset()) -> tu
             form = generators.inverse(forms[node.base] or {}, -node.exponent)
         else:
             base, k = (node.base, node.exponent) if isinstance(node, Pow) else (node, 1)
-            form = {((generators.index(base), k),): Fraction(1)}
+            form = {((generators.index(base), k),): 1}
         forms[node] = form
     result = forms[e]
     return (None if result is None or len(result) > limit else result), generators.all
