@@ -185,7 +185,9 @@ def _by_entry(e: object, step: Any) -> Expr:
         plain = outlined(whole)
     except NeedsLengths as request:
         hint = "give it a range of numbers, or compile the program: f.value_and_grad knows the lengths"
-        raise ArrayIndexError("a sum inside an integral must be written out, and its length is not known yet", request.node, hint) from None
+        raise ArrayIndexError(
+            "what is inside an integral must be written out, and its length is not known yet", request.node, hint
+        ) from None
     return _on_entries(plain, step)
 
 

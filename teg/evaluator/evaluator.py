@@ -19,6 +19,7 @@ from teg.evaluator.arguments import (
     values_by_name,
     with_rounding,
 )
+from teg.evaluator.counting import Counting
 from teg.evaluator.directions import Directions, shape_of, units
 from teg.evaluator.explain import checked_derivatives, explained
 from teg.evaluator.kernels import Kernels, Key, dimensions_of
@@ -97,7 +98,8 @@ class Evaluator:
         self._quick = options.backend == "c" and not self._loops and not (options.maps and options.check_maps)
         self._watches: Kept[tuple[Wanted, Integration], NumberWatch] = Kept(2)  # programs compiled for diagnoses
         self._finders: Kept[Parameter | None, NodeFinder] = Kept(KEPT)
-        self._made: Kept[tuple[int, ...], Kernels] = Kept(KEPT)
+        self._made: Kept[tuple[tuple[int, ...], tuple[int, ...]], Kernels] = Kept(KEPT)
+        self._counting: Kept[None, Counting] = Kept(1)
         self._kernels: Kernels | None = None  # kernels for any lengths of arrays
         try:
             self._kernels = self._compiled(self._program)
@@ -477,18 +479,21 @@ class Evaluator:
         for p, d in along.items():
             if isinstance(p, Array) and isinstance(d, Array) and shapes[p] != shapes[d]:
                 raise ParameterError(f"the direction along {p.name} has the shape {shapes[d]}, {p.name} has {shapes[p]}")
-        return call, self._kernels or self._for_lengths(shapes)
+        return call, self._kernels or self._for_lengths(shapes, given)
 
-    def _for_lengths(self, shapes: Mapping[ArrayName, tuple[int, ...]]) -> Kernels:
-        """Returns the kernels for these lengths of arrays."""
+    def _for_lengths(self, shapes: Mapping[ArrayName, tuple[int, ...]], given: Mapping[str, Any]) -> Kernels:
+        """Returns the kernels for these lengths of arrays, and for so many candidates as are given."""
+        counting = self._counting.get(None, lambda: Counting(self._program))
+        counts = counting.of(given)
 
         def made() -> Kernels:
             try:
-                return self._compiled(with_lengths(self._program, shapes))
+                return self._compiled(with_lengths(counting.bounded(counts), shapes))
             except NeedsLengths as request:  # pragma: no cover: the lengths are numbers now
                 raise ArrayIndexError(str(request), request.node) from None
 
-        return self._made.get(tuple(n for a, shape in shapes.items() if a in self._leaves for n in shape), made)
+        lengths = tuple(n for a, shape in shapes.items() if a in self._leaves for n in shape)
+        return self._made.get((lengths, counts), made)
 
     def _compiled(self, e: Expr) -> Kernels:
         source = self._options.estimator.source_of(e)

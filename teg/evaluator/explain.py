@@ -22,6 +22,7 @@ from teg.ir.traverse import parameters
 from teg.language.checks import check_parameters, check_program
 from teg.maps.diffeomorphism import Diffeomorphism
 from teg.passes.differentiate.through_sums import Parameter, outlined, parameters_and_arrays
+from teg.passes.normalise.padded import ranges_of_data, with_most
 from teg.passes.normalise.sums import NeedsLengths
 from teg.pipeline import estimator_for
 from teg.program.arrays import ArrayProgram
@@ -91,7 +92,8 @@ def explained(e: Expr, wrt: Sequence[Parameter] | None, asked: Asked) -> Explana
     except NeedsLengths:
         lengths = [n for node in postorder([e]) for n in index_leaves(integers_of(node)) if isinstance(n, Length)]
         assumed: dict[Index, Index] = {n: index_const(ASSUMED) for n in lengths}
-        plain, asked = outlined(replace_integers(e, assumed)), replace(asked, assumed_length=ASSUMED)
+        bounded = with_most(e, dict.fromkeys(ranges_of_data(e), ASSUMED))
+        plain, asked = outlined(replace_integers(bounded, assumed)), replace(asked, assumed_length=ASSUMED)
     leaves = tuple(dict.fromkeys([*chosen, *parameters(e), *counted, *arrays_of(e)]))
     task = Task(plain, tuple(chosen), leaves, (), asked.integration, asked.estimator, tuple(asked.maps))
     derivation = Derivation(task)

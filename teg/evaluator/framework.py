@@ -9,14 +9,14 @@ from typing import Any, ClassVar
 from teg.analysis.bodies import write_all_out
 from teg.errors import ArrayIndexError, EstimatorError, ParameterError
 from teg.evaluator.arguments import name_of, refuse_masked, refuse_nested
+from teg.evaluator.counting import Counting, zeros
 from teg.evaluator.kernels import dimensions_of
 from teg.evaluator.options import Options
 from teg.evaluator.plan import VALUE, Kept, Plan
-from teg.ir.arrays import Array, arrays_of, integer_parameters, integers_of
-from teg.ir.cells import check_indices, replace_integers
+from teg.ir.arrays import Array, arrays_of, integer_parameters
+from teg.ir.cells import check_indices, with_lengths
 from teg.ir.expr import Expr, Param, Tuple
-from teg.ir.index import ArrayName, IndexArray, Length, index_const, index_leaves
-from teg.ir.node import postorder
+from teg.ir.index import ArrayName, IndexArray
 from teg.ir.operands import as_number
 from teg.ir.traverse import parameters
 from teg.language.checks import check_program
@@ -65,6 +65,7 @@ class FrameworkFunction:
             hint = "integer parameters and arrays of indices: " + (", ".join(sorted(static)) or "there are none")
             raise ParameterError(f"indices= names {unknown[0]!r}, which is none", None, hint)
         self._plans: Kept[Hashable, Plan] = Kept(KEPT)
+        self._counts: Kept[None, Counting] = Kept(1)
         self._plan: Plan | None = None
         self._lock = threading.RLock()
         try:
@@ -106,17 +107,26 @@ class FrameworkFunction:
 
     # -- programs ------------------------------------------------------------------------------------------------------
 
-    def _plan_for(self, shapes: Mapping[ArrayName, tuple[int, ...]]) -> Plan:
-        """Returns the plan for arrays of these shapes: one for all shapes, or one for their lengths if these must be known."""
+    def _plan_for(self, shapes: Mapping[ArrayName, tuple[int, ...]], known: Mapping[str, Any]) -> Plan:
+        """Returns the plan for arrays of these shapes: one for all shapes, or one for their lengths if these must be known, and for the
+        numbers of candidates that integers and index arrays say. Raises ArrayIndexError if one of these is not `known`."""
         if self._plan is not None:
             return self._plan
+        counting = self._counts.get(None, lambda: Counting(self._program))
+        unknown = [name for name in counting.names if name in known and known[name] is None]
+        if unknown:
+            raise ArrayIndexError(
+                f"how many candidates an integral has depends on {unknown[0]}, which {self.framework} traces",
+                None,
+                f"give it when the function is made: indices={{{unknown[0]!r}: …}}, or close over it",
+            )
+        numbers = {a.name: zeros(shapes[a]) for a in shapes if isinstance(a, Array)}
+        counts = counting.of({**numbers, **known})
 
         def made() -> Plan:
-            nodes = [n for node in postorder([self._program]) for n in index_leaves(integers_of(node)) if isinstance(n, Length)]
-            numbers = {n: index_const(shapes[n.array][n.axis]) for n in nodes}
-            return self._planned(outlined(replace_integers(self._program, numbers)))  # type: ignore[arg-type]
+            return self._planned(outlined(with_lengths(counting.bounded(counts), shapes)))
 
-        return self._plans.get(tuple(sorted((a.name, s) for a, s in shapes.items())), made)
+        return self._plans.get((tuple(sorted((a.name, s) for a, s in shapes.items())), counts), made)
 
     def _planned(self, e: Expr) -> Plan:
         return Plan(e, self._options, self.wrt, self._leaves, self._integers)

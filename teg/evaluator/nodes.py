@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, cast
 from teg.analysis.bodies import write_all_out
 from teg.errors import AccuracyError, ArrayIndexError, OperandError, ParameterError
 from teg.evaluator.arguments import Call, read_call
+from teg.evaluator.counting import Counting
 from teg.evaluator.options import Options
 from teg.evaluator.plan import GRADIENT_ALONE, VALUE, Kept, Plan
 from teg.ir.arrays import Array, Gather, has_arrays
@@ -80,7 +81,8 @@ class NodeFinder:
         self._probed, self.variables = with_unknown_factor(e)
         self._by, self._options, self._leaves, self._loops = by, options, leaves, has_arrays(e)
         self._how = replace(options.integration, intrinsics=False)
-        self._plans: Kept[tuple[tuple[int, ...], ...] | None, Plan] = Kept()
+        self._plans: Kept[tuple[object, ...] | None, Plan] = Kept()
+        self._counting: Kept[None, Counting] = Kept(1)
 
     def nodes(self, values: Mapping[str, Any], integers: Collection[str], by: object) -> tuple[np.ndarray, np.ndarray]:
         """Returns the points, (batch, n, variables), and the weights, (batch, n), `by` an entry if the finder is for an array."""
@@ -132,18 +134,23 @@ class NodeFinder:
         return program
 
     def _plan(self, call: Call | None) -> Plan:
-        """Returns the plan for any lengths of arrays, or for those of a call."""
+        """Returns the plan for any lengths of arrays, or for those, and the numbers of candidates, of a call."""
 
         def made() -> Plan:
             e, by, options = self._probed, self._by, self._options
             if not self._loops:
                 return Plan(e if by is None else diff(e, by, options.maps), options, (), self._leaves)
             if call is not None:
-                named = [leaf for leaf in self._leaves if isinstance(leaf, ArrayName)]
-                e = with_lengths(e, dict(zip(named, call.shapes, strict=True)))
+                e = with_lengths(counting.bounded(counts), dict(zip(named, call.shapes, strict=True)))
             return Plan(outlined(e), options, () if by is None else (by,), self._leaves)
 
-        return self._plans.get(None if call is None else tuple(call.shapes), made)
+        if call is None:
+            return self._plans.get(None, made)
+        named = [leaf for leaf in self._leaves if isinstance(leaf, ArrayName)]
+        counting = self._counting.get(None, lambda: Counting(self._probed))
+        given = {**dict(zip(call.names, call.columns, strict=True)), **{a.name: v for a, v in zip(named, call.arrays, strict=True)}}
+        counts = counting.of(given)
+        return self._plans.get((tuple(call.shapes), counts), made)
 
 
 def shifted(e: Expr, array: Array, shift: Param, unit: Array) -> Expr:

@@ -215,7 +215,9 @@ class JaxFunction(FrameworkFunction):
                 value = by_name[p.name]
                 known.append(None if isinstance(value, jax.core.Tracer) else np.asarray(value))
         arrays = [p for p in self._leaves if isinstance(p, ArrayName)]
-        plan = self._plan_for(dict(zip(arrays, shapes, strict=True)))
+        lists = dict(zip([p.name for p in arrays if isinstance(p, IndexArray)], known, strict=True))
+        whole = {p.name: k for p, k in zip(self._integers, integers, strict=True)}
+        plan = self._plan_for(dict(zip(arrays, shapes, strict=True)), {**lists, **whole})
         self._check(plan, integers, arrays, shapes, known)
         first = len(arrays) - len(known)
         counting = self._counting.get(plan, lambda: _counting(plan))

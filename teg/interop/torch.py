@@ -128,7 +128,9 @@ class TorchFunction(FrameworkFunction):
 
         call = self._arguments(self._values(values, named))
         arrays = {p: tuple(v.shape[call.front :]) for p, v in zip(self._leaves, call.operands, strict=False) if isinstance(p, ArrayName)}
-        kernels = self._kernels_of(self._plan_for(arrays))
+        whole = {p.name for p in (*self._leaves, *self._integers) if isinstance(p, IndexArray) or p in self._integers}
+        known = {name: v.numpy() for name, v in zip(self.parameters, call.operands, strict=True) if name in whole}
+        kernels = self._kernels_of(self._plan_for(arrays, known))
         results = backend.values(kernels, call.front, call.dtype, call.operands)
         return nested(self.expression, iter([v.to(call.device) for v in results]))
 

@@ -44,6 +44,7 @@ ELSEWHERE = {
     "teg/evaluator": {
         "accuracy": "tests/evaluator/test_evaluator.py",
         "arguments": "tests/evaluator/test_evaluator.py",
+        "counting": "tests/passes/normalise/test_padded.py",
         "explain": "tests/report/test_explain.py",
         "framework": "tests/interop/test_jax.py",
         "kernels": "tests/evaluator/test_evaluator.py",

@@ -10,21 +10,21 @@ Cost: written out, the square of the number of candidates; everything else a vis
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any, cast
 
 from teg.analysis.kinks import value_nodes
 from teg.errors import ArrayIndexError
 from teg.ir.arrays import Ranged, sum_over
-from teg.ir.cells import rename_indices, replace_integers, replaced
+from teg.ir.cells import rename_indices, replaced
 from teg.ir.choices import CHOICES, AnyOf, Nearest, Product, Winner
-from teg.ir.expr import TRUE, ZERO, Cond, Expr, Mul, Where, const
-from teg.ir.index import Index, IndexConst, IndexGather, IndexParam, IndexVar, Length, index_const, index_leaves
+from teg.ir.expr import ONE, TRUE, ZERO, Cond, Expr, Mul, Where, const
 from teg.ir.integral import Integral
 from teg.ir.node import Node, postorder
 from teg.ir.operands import as_number, less
 from teg.ir.simplify import add, bracket, conjunction, disjunction, integer_power, mul, negation, positive, sub, where
 from teg.ir.traverse import rebuild, replace_node
+from teg.passes.normalise.padded import at_place, most_of
 from teg.passes.normalise.partitions import MOST_WRITTEN, Refused, partitioned
 from teg.passes.normalise.sums import NeedsLengths
 
@@ -151,15 +151,23 @@ def _written_out(root: Expr, reason: str) -> Expr:
 def candidates_of(node: Ranged, reason: str) -> list[tuple[Any, ...]]:
     """Returns the children of a choice at each index; of `Nearest` value, key, condition and what there is otherwise.
 
-    Raises NeedsLengths if the range is known at run time only, ArrayIndexError if it cannot be written out; the `reason` is why it must be.
+    Raises NeedsLengths if the length of the range is known at run time only, ArrayIndexError if it cannot be written out; the `reason` is
+    why it must be.
     """
-    return [_at(node, i) for i in _numbers(node, reason)]
+    return [_at(node, j) for j in range(_places(node, reason))]
 
 
-def _at(node: Ranged, i: int) -> tuple[Node, ...]:
-    """Returns the children of a choice at one index."""
-    mapping: Mapping[Index, Index] = {node.index: index_const(i)}
-    return tuple(replace_integers(cast(Expr, c), mapping) for c in node.children)
+def _at(node: Ranged, j: int) -> tuple[Node, ...]:
+    """Returns the children of a choice at one place; where there is no candidate, its condition does not hold."""
+    there, children = at_place(node, j)
+    match node:
+        case AnyOf():
+            return (conjunction(there, cast(Cond, children[0])),)
+        case Product():
+            return (where(there, cast(Expr, children[0]), ONE),)
+        case _:
+            value, key, condition, otherwise = children
+            return value, key, conjunction(there, cast(Cond, condition)), otherwise
 
 
 def _nearest(candidates: list[tuple[Expr, Expr, Cond, Expr]], otherwise: Expr) -> Expr:
@@ -172,17 +180,14 @@ def _nearest(candidates: list[tuple[Expr, Expr, Cond, Expr]], otherwise: Expr) -
     return add(*terms, where(none, otherwise, ZERO)) if terms else otherwise
 
 
-def _numbers(node: Ranged, reason: str) -> range:
-    """Returns the range of a choice, which must be numbers."""
-    what = {Nearest: "nearest", AnyOf: "any or all", Product: "product"}[type(node)]
-    hint = "affine conditions and keys, and polynomials, over a box of one or two variables are loops over any number of candidates"
-    if not isinstance(node.lo, IndexConst) or not isinstance(node.hi, IndexConst):
-        leaves = index_leaves([node.lo, node.hi])
-        if any(isinstance(i, Length) for i in leaves) and not any(isinstance(i, IndexGather | IndexParam | IndexVar) for i in leaves):
-            raise NeedsLengths(node)
-        raise ArrayIndexError(f"this {what} must be written out ({reason}), and the number of its candidates is not known", node, hint)
-    count = node.hi.data - node.lo.data
-    most = MOST_WRITTEN[type(node)]
-    if count > most:
-        raise ArrayIndexError(f"this {what} must be written out ({reason}), and has {count} candidates; {most} at most", node, hint)
-    return range(node.lo.data, node.hi.data)
+def _places(node: Ranged, reason: str) -> int:
+    """Returns how many places a choice has."""
+    most = most_of(node)
+    if most is None:
+        raise NeedsLengths(node)
+    if most > MOST_WRITTEN[type(node)]:
+        what = {Nearest: "nearest", AnyOf: "any or all", Product: "product"}[type(node)]
+        hint = "affine conditions and keys, and polynomials, over a box of one or two variables are loops over any number of candidates"
+        text = f"this {what} must be written out ({reason}), and has {most} candidates; {MOST_WRITTEN[type(node)]} at most"
+        raise ArrayIndexError(text, node, hint)
+    return most

@@ -3,9 +3,9 @@
     ∫ Σ_k f_k dx  =  Σ_k ∫ f_k dx                   where the integrand is linear in the sum: the integral keeps one term's breaks
     Σ_{k=0}^{2} f_k  =  f_0 + f_1 + f_2             elsewhere (in a condition, in a function, in a product of sums), written out
 
-A sum that has to be written out must have bounds that are numbers. If its bounds are lengths of arrays, it is written out when the
-shapes are known, at the first call with them; the exception `NeedsLengths` names these lengths to the evaluator. Cost: a visit a node;
-written out, a body a term.
+A sum that has to be written out must have bounds that are numbers. If its bounds are lengths of arrays, or data, it is written out when
+these are known, at the first call with them (`teg.passes.normalise.padded`); the exception `NeedsLengths` asks the evaluator for them.
+Cost: a visit a node; written out, a body a term.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ from typing import cast
 
 from teg.errors import ArrayIndexError
 from teg.ir.arrays import Ranged, Sum, sum_over
-from teg.ir.cells import indices_apart, replace_integers
+from teg.ir.cells import indices_apart
 from teg.ir.expr import ONE, ZERO, Add, Expr, Mul, Var, Where
-from teg.ir.index import IndexConst, IndexGather, IndexParam, IndexVar, Length, index_const, index_leaves
 from teg.ir.integral import Integral, integral_over
 from teg.ir.node import Node, postorder
 from teg.ir.simplify import add, mul, where
 from teg.ir.traverse import rebuild
+from teg.passes.normalise.padded import at_place, most_of
 
 MOST_TERMS = 20_000
 """A sum of more terms is not written out."""
@@ -108,18 +108,14 @@ def _written_out(root: Expr, x: Var | None = None) -> Expr:
 
 
 def _terms(s: Sum) -> Expr:
-    if not isinstance(s.lo, IndexConst) or not isinstance(s.hi, IndexConst):
-        if any(isinstance(i, IndexGather | IndexParam | IndexVar) for i in index_leaves([s.lo, s.hi])) and not any(
-            isinstance(i, Length) for i in index_leaves([s.lo, s.hi])
-        ):
-            raise ArrayIndexError(
-                "this sum stands inside an integral where it must be written out, and how many terms it has is not known",
-                s,
-                "give its range as numbers or teg.length, or write the integral inside the sum",
-            )
+    most = most_of(s)
+    if most is None:
         raise NeedsLengths(s)
-    count = s.hi.data - s.lo.data
-    if count > MOST_TERMS:
+    if most > MOST_TERMS:
         hint = "write the integral inside the sum if the integrand is linear in it"
-        raise ArrayIndexError(f"this sum inside an integral has {count} terms to be written out; {MOST_TERMS} at most", s, hint)
-    return add(*(replace_integers(s.body, {s.index: index_const(i)}) for i in range(s.lo.data, s.hi.data)))
+        raise ArrayIndexError(f"this sum inside an integral has {most} terms to be written out; {MOST_TERMS} at most", s, hint)
+    terms: list[Expr] = []
+    for j in range(most):
+        there, (body,) = at_place(s, j)
+        terms.append(where(there, cast(Expr, body), ZERO))
+    return add(*terms)

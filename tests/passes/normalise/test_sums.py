@@ -30,10 +30,17 @@ def test_value(integrand: teg.Expr, expected: float) -> None:
     assert teg.evaluate(teg.integral(integrand, (x, 0, 1)), {t: 3.0, a: 2.0, V: NUMBERS}) == pytest.approx(expected, rel=1e-14)
 
 
-def test_an_error_shows_indices_as_they_were_written() -> None:
+def test_a_sum_that_is_as_long_as_the_index_of_another_one() -> None:
     j, ends = teg.index("j"), teg.indices("ends", 1)
     triangle = teg.sum(teg.bracket(x > V[j]), (j, 0, k))
     ragged = teg.sum(teg.where(x < V[k], triangle, 1), (k, 0, teg.length(ends, 0))) ** 2
+    found = teg.evaluate(teg.integral(ragged, (x, 0, 1)), {V: NUMBERS, ends: np.array([0, 1])})
+    assert found == pytest.approx(3.0, rel=1e-14)  # 0 below ¼, 2² above
+
+
+def test_an_error_shows_indices_as_they_were_written() -> None:
+    j = teg.index("j")
+    long = teg.sum(teg.where(x < V[k], teg.sum(teg.bracket(x > V[j]), (j, 0, 30_000)), 1), (k, 0, 2)) ** 2
     with pytest.raises(teg.errors.ArrayIndexError) as raised:
-        teg.evaluate(teg.integral(ragged, (x, 0, 1)), {V: NUMBERS, ends: np.array([0, 1])})
-    assert "Σ[j: 0..k] [V[j] < x]" in str(raised.value)
+        teg.evaluate(teg.integral(long, (x, 0, 1)), {V: NUMBERS})
+    assert "Σ[j: 0..30000] [V[j] < x]" in str(raised.value)
