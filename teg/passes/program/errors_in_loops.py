@@ -1,6 +1,6 @@
 """Error estimates through the loops of a program with arrays, to first order.
 
-    s = Σ_k v_k                 Δs = Σ_k (Δv_k + ε·(16 + √n)·|v_k|),    n iterations
+    s = Σ_k v_k                 Δs = Σ_k (Δv_k + ε·(16 + √n)·|v_k|),    n iterations; of entries Σ_k ε·√(n - 1)·|v_k|
     w = kernel(u, v, …)         Δw by the flat program's own estimates, in which Δu, Δv, … are parameters (`errors.py`)
     V̄[i] += w                   an array of errors, V̄[i] += Δw + ε·(16 + √n)·|w|,    n iterations of all loops around
 
@@ -21,7 +21,7 @@ from teg.passes.program.link import with_bodies
 from teg.passes.program.sink import sink
 from teg.program import Arg as FlatArg
 from teg.program import Assign, Program
-from teg.program.arrays import Arg, ArrayProgram, Cells, Factors, Least, Loop, Number, Run, Scatter, Step, Take, steps
+from teg.program.arrays import Arg, ArrayProgram, Cells, Factors, Least, Load, Loop, Number, Run, Scatter, Step, Take, steps
 from teg.program.dce import without_dead_code
 from teg.program.fields import result_names, variables
 from teg.program.verify import verified_arrays
@@ -114,11 +114,12 @@ class _ArrayEstimator:
 
     def _loop(self, step: Loop, iterations: Arg, out: list[Step]) -> None:
         ends = self._fresh(), self._fresh()
-        own, both, total = self._fresh(), self._fresh(), self._fresh()
+        own, both, total, additions = (self._fresh() for _ in range(4))
         out += [Number(name, end) for name, end in zip(ends, (step.lo, step.hi), strict=True)]
-        out.append(Run(_ROUNDINGS_OF_A_LOOP, (*ends, iterations), (own, both, total)))
+        out.append(Run(_ROUNDINGS_OF_A_LOOP, (*ends, iterations), (own, both, total, additions)))
         body = self._block(step.body, total, both)
-        last, errors = self._rounded([(v, own) for v in step.values])
+        entries = {s.name for s in step.body if isinstance(s, Load | Number)}
+        last, errors = self._rounded([(v, additions if v in entries else own) for v in step.values])
         results = tuple(self._fresh() for _ in step.results)
         self.errors.update(zip(step.results, results, strict=True))
         values, names = (*step.values, *errors), (*step.results, *results)
@@ -180,8 +181,8 @@ def _finished(program: Program) -> Program:
 def _roundings_of_a_loop() -> Program:
     """Returns a program from the ends of a range and the iterations of the loops around to roundings.
 
-    Its results are the roundings of a sum over the range, the roundings of a number scattered in it, and the iterations of all these
-    loops.
+    Its results are the roundings of a sum over the range, the roundings of a number scattered in it, the iterations of all these loops,
+    and the roundings of a sum of entries: one entry has none.
     """
     body = (
         Assign("v0", "sub", ("p1", "p0")),
@@ -193,8 +194,12 @@ def _roundings_of_a_loop() -> Program:
         Assign("v6", "mul", (EPSILON, "v4")),
         Assign("v7", "add", (ROUNDINGS, "v5")),
         Assign("v8", "add", (ROUNDINGS, "v6")),
+        Assign("v9", "sub", ("v1", 1.0)),
+        Assign("v10", "max", ("v9", 0.0)),
+        Assign("v11", "sqrt", ("v10",)),
+        Assign("v12", "mul", (EPSILON, "v11")),
     )
-    return Program(("first", "end", "iterations"), body, ("v7", "v8", "v2"))
+    return Program(("first", "end", "iterations"), body, ("v7", "v8", "v2", "v12"))
 
 
 _ROUNDINGS_OF_A_LOOP = _roundings_of_a_loop()

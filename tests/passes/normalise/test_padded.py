@@ -62,6 +62,20 @@ def test_area_of_a_union_of_disks(backend: str) -> None:
     assert slopes["disks"][:, 2] == pytest.approx(AT[:, 2] * open_arcs, abs=1e-9)  # a radius moves the arc that is seen
 
 
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_entries_at_places_are_exact(backend: str) -> None:
+    """Two disks with their tops at one height: the estimate is that of a program without lists."""
+    at = np.array([[0.4, 0.5, 0.3], [0.75, 0.5, 0.3]])
+    box = ((x, 0, 1), (y, 0, 1))
+    union, plain = (
+        teg.compile(teg.integral(teg.bracket(teg.any(in_disk(k), (k, 0, n))), *box), [disks], backend=backend)
+        for n in (first[0], teg.length(disks, 0))
+    )
+    value, error = union.value_and_error(disks=at, first=np.array([2]))
+    assert value == pytest.approx(np.pi * 0.18 - lens(at)[0], abs=1e-13)
+    assert error == pytest.approx(plain.value_and_error(disks=at)[1], rel=1e-6)
+
+
 def test_second_derivatives_of_a_union() -> None:
     f = teg.compile(pixels(teg.bracket(teg.any(in_disk(listed[k]), LIST))), [disks])
     along = np.zeros_like(AT)
