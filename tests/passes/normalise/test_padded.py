@@ -66,7 +66,7 @@ def test_area_of_a_union_of_disks(backend: str) -> None:
 def test_entries_at_places_are_exact(backend: str) -> None:
     """Two disks with their tops at one height: the estimate is that of a program without lists."""
     at = np.array([[0.4, 0.5, 0.3], [0.75, 0.5, 0.3]])
-    box = ((x, 0, 1), (y, 0, 1))
+    box = ((x, 0, 2), (y, 0, 1))
     union, plain = (
         teg.compile(teg.integral(teg.bracket(teg.any(in_disk(k), (k, 0, n))), *box), [disks], backend=backend)
         for n in (first[0], teg.length(disks, 0))
