@@ -40,6 +40,7 @@ from teg.program.arrays import ArrayProgram
 from teg.report.diagnose import Diagnosis, Watch, diagnose
 from teg.report.explain import Asked
 from teg.report.explanation import SHOWN, Explanation, shortened
+from teg.report.inventory import text_of
 from teg.report.loop_watch import LoopWatch, probes_of
 from teg.report.notebook import Card, card_of
 from teg.report.number_watch import NumberWatch
@@ -296,7 +297,9 @@ class Evaluator:
         """
         options, made = self._options, self._kernels or self._made.first()
         asked = Asked(options.integration, options.estimator, options.maps, checked_derivatives(derivatives))
-        return explained(self._program if made is None else made.plan.expression, self.wrt, asked)
+        found = explained(self._program if made is None else made.plan.expression, self.wrt, asked)
+        found.data["expression"] = text_of(self._program)
+        return found
 
     def diagnose(self, /, *args: Any, **named: Any) -> list[Diagnosis]:
         """Returns where and why the expression is not differentiable at these values, and in which iteration of its sums: a list of

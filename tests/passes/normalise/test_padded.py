@@ -148,6 +148,7 @@ def test_a_program_is_made_for_each_number_of_places(monkeypatch: pytest.MonkeyP
     f = teg.compile(pixels(teg.bracket(teg.any(in_disk(listed[k]), LIST))), [disks])
     lists = lists_of(AT)
     f(disks=AT, **lists)
+    assert "any[k: first[p]..first[(p + 1)]]" in f.explain().data["expression"]
     before = len(made)
     fewer = {"first": np.minimum(lists["first"], lists["first"][-1] - 1), "listed": lists["listed"]}
     f(disks=AT, **fewer)  # as many in the longest list
