@@ -75,11 +75,14 @@ class Symbols:
 
 
 def _title(leaf: Expr, number: int) -> str:
-    """Returns the name of a leaf's symbol: the leaf as it is written, or a number for a long sum."""
+    """Returns the name of a leaf's symbol: the leaf as it is written, or a number for a long sum, with its term if that is an entry."""
     text = show(leaf, SHOWN)
     if not isinstance(leaf, Ranged):
         return text[:SHOWN]
-    return f"({text})" if len(text) <= SHOWN and "\n" not in text else f"{'Σ' if isinstance(leaf, Sum) else '#'}{number}[{leaf.index.name}]"
+    if len(text) <= SHOWN and "\n" not in text:
+        return f"({text})"
+    term = show(leaf.children[0], SHOWN // 2) if isinstance(leaf.children[0], LEAVES) else ""
+    return f"{'Σ' if isinstance(leaf, Sum) else '#'}{number}[{leaf.index.name}]{term}"
 
 
 def cellwise(root: Expr, step: Callable[[Expr], Expr]) -> Expr:

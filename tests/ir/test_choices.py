@@ -148,10 +148,6 @@ MISTAKES: dict[str, tuple[type[TegError], Any]] = {
         ArrayIndexError,
         lambda: teg.compile(teg.integral(teg.exp(teg.minimum_of(X * V[K], (K, 0, 100))), (X, 0, 1))),
     ),
-    "how many are to be written out": (
-        ArrayIndexError,
-        lambda: teg.compile(teg.integral(teg.exp(teg.minimum_of(X * V[K], (K, 0, F[0]))), (X, 0, 1))),
-    ),
     "a third derivative": (
         NotDifferentiableError,
         lambda: teg.grad(teg.grad(teg.integral(teg.minimum_of(X * V[K], (K, 0, N)), (X, 0, 1)), [V])[0], [V]),
