@@ -11,21 +11,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from typing import cast
 
 from teg.analysis.calculus import slope
 from teg.analysis.coincidence import ZeroSet, peeled
 from teg.analysis.expanded import distance
-from teg.analysis.nest import Binder
+from teg.analysis.nest import Binder, Chain
 from teg.analysis.polynomial import Shadow
 from teg.errors import NotDifferentiableError
 from teg.ir import expr as ex
 from teg.ir import simplify
 from teg.ir.expr import FALSE, TRUE, ZERO, Compare, Cond, Const, Expr, Var
 from teg.ir.integral import Integral
-from teg.ir.node import Node, digest
+from teg.ir.node import Node, digest, union
 from teg.ir.show import show
 from teg.ir.simplify import conjunction, disjunction, negation, positive, sub, where
-from teg.ir.traverse import substitute
+from teg.ir.traverse import fresh, substitute
 
 
 def atoms_of(root: Node, var: Var | None = None) -> list[Compare]:
@@ -60,6 +61,25 @@ def binders_inside(root: Node) -> frozenset[Var]:
             bound.add(node.var)
         stack.extend(node.children)
     return frozenset(bound)
+
+
+def renamed_apart(chain: Chain, *parts: Expr) -> tuple[Chain, tuple[Expr, ...]]:
+    """Returns a nest whose variables are not bound by integrals inside of it, as `chain` and the parts of its body.
+
+    In ∫ dx exp(∫ f dy)·∫ δ dy both inner integrals may be over y. Where the points of the second one move, those of the first one do not.
+    """
+    taken = union([binders_inside(e) for e in (*parts, *(bound for b in chain for bound in (b.lo, b.hi)))])
+    names = taken.union(*(e.free for e in parts), (b.var for b in chain))
+    new: dict[Var, Expr] = {}
+    renamed: list[Binder] = []
+    for b in chain:
+        var = fresh(b.var.name, names) if b.var in taken else b.var
+        lo, hi = (cast(Expr, substitute(bound, new)) for bound in (b.lo, b.hi)) if new else (b.lo, b.hi)
+        renamed.append(Binder(var, lo, hi))
+        if var is not b.var:
+            new[b.var] = var
+            names |= {var}
+    return tuple(renamed), tuple(cast(Expr, substitute(e, new)) if new else e for e in parts)
 
 
 def owned_surfaces(body: Expr, var: Var) -> list[Expr]:

@@ -526,3 +526,38 @@ def gradient_of(e: teg.Expr, at: dict[str, float], backend: str) -> dict[str, fl
     program = teg.compile(e).program(1)
     outputs = interpret(program, [at[name] for name in program.parameters]).outputs
     return dict(zip(teg.compile(e).parameters, outputs[1:], strict=True))
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_an_integral_beside_a_surface_over_a_variable_of_the_same_name(backend: str) -> None:
+    """Two inner integrals over y: the points of one moved with the surface of the other. A second derivative was 0.29 in place of 1.29."""
+    inner = INT(B((y + 0.1) * (1 + x * x) < x + t), (y, 0, 1))  # (x + t)/(1 + x²) - 0.1
+    squared = teg.compile(INT(inner**2, (x, 0, 1)), [t], backend=backend)  # type: ignore[arg-type]
+    assert squared.hessian(t=0.3)["t", "t"] == pytest.approx(0.5 + math.pi / 4, rel=1e-9)
+
+    weight = mpmath.mpf("0.7")
+    density = teg.exp(INT(teg.exp(0.7 * x * y), (y, 0, 1)))
+    product = teg.compile(INT(density * inner**2, (x, 0, 1)), [t], backend=backend)  # type: ignore[arg-type]
+    exact = mpmath.quad(lambda v: mpmath.exp(mpmath.expm1(weight * v) / (weight * v)) * 2 / (1 + v * v) ** 2, [0, 1])
+    assert product.hessian(t=0.3)["t", "t"] == pytest.approx(float(exact), rel=1e-9)
+
+
+@pytest.mark.parametrize("backend", ["interpreter", *BACKENDS])
+def test_an_integral_beside_a_singularity_over_a_variable_of_the_same_name(backend: str) -> None:
+    """Two inner integrals over y: the points of one moved with the singularity of the other, and the gradient was wrong by a half."""
+    density = teg.exp(INT(teg.exp(0.7 * x * y), (y, 0, 1)))
+    e = INT(density * INT(teg.sqrt(abs(y - t * x)), (y, 0, 1)), (x, 0, 1))
+
+    def slope(v: mpmath.mpf) -> mpmath.mpf:
+        return mpmath.exp(mpmath.expm1(0.7 * v) / (0.7 * v)) * v * (mpmath.sqrt(0.3 * v) - mpmath.sqrt(1 - 0.3 * v))
+
+    assert gradient_of(e, {"t": 0.3}, backend)["t"] == pytest.approx(float(mpmath.quad(slope, [0, 1])), rel=1e-8)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_second_derivatives_where_two_conditions_are_solved_for_variables_of_their_own(backend: str) -> None:
+    """They were refused where the other variable had no formula: y < (x + t)/eˣ, whose inner integral stands in a function."""
+    inner = INT(B(y < (x + t) * teg.exp(-x)), (y, 0, 1))  # it reaches 1 nowhere, and 0 at x = -t
+    f = teg.compile(INT(teg.exp(inner), (x, -1, 1)), [t], backend=backend)  # type: ignore[arg-type]
+    exact = mpmath.quad(lambda v: mpmath.exp((v + 0.3) * mpmath.exp(-v) - 2 * v), [-0.3, 1]) + mpmath.exp(0.3)
+    assert f.hessian(t=0.3)["t", "t"] == pytest.approx(float(exact), rel=1e-9)

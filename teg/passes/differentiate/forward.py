@@ -32,7 +32,7 @@ from teg.analysis.jumps import surface_terms
 from teg.analysis.nest import Binder, Chain, nest
 from teg.analysis.sift import deltas_of, linear_part, without
 from teg.analysis.singularities import Field, Keys, Surface, field_of, find_surfaces, on_sides, sharp_nodes
-from teg.analysis.surfaces import bound_surface, open_surfaces, owned_surfaces, restrict
+from teg.analysis.surfaces import bound_surface, open_surfaces, owned_surfaces, renamed_apart, restrict
 from teg.errors import DeltaError
 from teg.ir import expr as ex
 from teg.ir import simplify
@@ -268,7 +268,7 @@ def _integrands(node: Integral, sharp: Container[Node]) -> list[tuple[Chain, Exp
             stack.append((e.otherwise, chain, mul(factor, where(e.condition, ZERO, ex.ONE))))
         else:
             nests.append((chain, mul(factor, e)))
-    return [(chain, weight) for chain, weight in nests if weight is not ZERO]
+    return [(chain, weight) for chain, (weight,) in (renamed_apart(*n) for n in nests) if weight is not ZERO]
 
 
 def _moved(chain: Chain, weight: Expr, field: Field, direction: Direction) -> Expr:
@@ -298,7 +298,8 @@ def carried(node: Integral, direction: Direction) -> Expr:
     terms = [_tangents(smooth, direction)[smooth]]
     for d in deltas:
         for chain, weight in linear_part(node.body, d).items():
-            terms.append(_transported((Binder(node.var, node.lo, node.hi), *chain), weight, d, direction))
+            whole, (coefficient, moving) = renamed_apart((Binder(node.var, node.lo, node.hi), *chain), weight, d)
+            terms.append(_transported(whole, coefficient, cast(Delta, moving), direction))
     return add(*terms)
 
 

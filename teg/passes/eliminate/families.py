@@ -290,11 +290,17 @@ class _Elimination:
         return result
 
     def _crossing(self, d: Delta, other: Delta, coefficient: Expr, chain: Chain) -> Expr:
-        """Returns the term where two curves cross: one is solved for a variable by a formula, then the other has one variable only."""
+        """Returns the term where two surfaces cross: one is solved by a formula for a variable that the other does not have, or two curves
+        for either variable, so that the other has one variable only."""
         mine = [b.var for b in reversed(chain)]
         for first, second in ((d, other), (other, d)):
-            data = match_curve(first.g, mine)
-            result = rewrite_curve(first.g, mul(coefficient, second), chain, data) if data is not None else None
+            for alone in (match_solvable(first.g, [v]) for v in mine if v in first.g.free and v not in second.g.free):
+                result = rewrite_solvable(first.g, mul(coefficient, second), chain, alone) if alone is not None else None
+                if result is not None:
+                    return result
+        for first, second in ((d, other), (other, d)):
+            curve = match_curve(first.g, mine)
+            result = rewrite_curve(first.g, mul(coefficient, second), chain, curve) if curve is not None else None
             if result is not None:
                 return result
         raise NoReparameterisationError(
