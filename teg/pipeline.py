@@ -56,6 +56,7 @@ from teg.passes.normalise.inline import write_out
 from teg.passes.normalise.order import with_few_roots
 from teg.passes.normalise.origins import with_differences
 from teg.passes.normalise.piecewise import with_smooth_atoms
+from teg.passes.normalise.squares import with_squares_apart
 from teg.passes.normalise.steps import enumerate_steps
 from teg.passes.normalise.too_many_steps import check_steps, without_uncounted
 from teg.passes.program.errors import with_error_estimates
@@ -85,6 +86,7 @@ def to_atoms(keep_moving: bool, maps: Maps, canonical: Canonical) -> list[tuple[
         *([("carried", with_deltas)] if keep_moving else []),
         ("steps", enumerate_steps),  # the steps of floor are brackets, hence atoms
         ("extremes", with_smooth_atoms),  # while what decides an extreme is one condition
+        ("squares", with_squares_apart),  # once functions that jump are written out
         ("canonicalise", canonical),  # a surface must be one expression before its jump can be taken
         *([] if maps else [("order", with_few_roots)]),  # of atoms
     ]

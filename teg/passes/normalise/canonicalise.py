@@ -90,10 +90,10 @@ class Canonical:
     # -- atoms ---------------------------------------------------------------------------------------------------------
 
     def _atom(self, g: Expr, strict: bool, hoists: int) -> Cond:
-        inner = _inner_condition(g) if hoists else None
+        inner = inner_condition(g) if hoists else None
         if inner is not None:
-            then = self._atom(_decide(g, inner, True), strict, hoists - 1)
-            otherwise = self._atom(_decide(g, inner, False), strict, hoists - 1)
+            then = self._atom(decided(g, inner, True), strict, hoists - 1)
+            otherwise = self._atom(decided(g, inner, False), strict, hoists - 1)
             return disjunction(conjunction(inner, then), conjunction(negation(inner), otherwise))
         g = tangents_as_quotients(g)
         if has_variable_denominator(g):
@@ -119,9 +119,9 @@ class Canonical:
         Its conditions, denominators and terms that cancel are canonicalised again; the resolution is kept.
         """
         g, strict, resolution = atom.g, atom.strict, cast(Cond, atom.resolution)
-        inner = _inner_condition(g) if hoists else None
+        inner = inner_condition(g) if hoists else None
         if inner is not None:
-            branches = (positive(_decide(g, inner, value), strict, resolution, atom.rivals) for value in (True, False))
+            branches = (positive(decided(g, inner, value), strict, resolution, atom.rivals) for value in (True, False))
             then, otherwise = (self._tied(b, hoists - 1) if isinstance(b, Compare) else b for b in branches)
             return disjunction(conjunction(inner, then), conjunction(negation(inner), otherwise))
         if any(Shadow((v,)).degree(g) == 0 for v in g.free):
@@ -231,10 +231,10 @@ def _side(surface: tuple[Expr, bool], strict: bool, upward: bool) -> Cond:
 def _split_delta(d: Delta, hoists: int) -> Expr:
     """Returns δ(where(b, u, v)) as where(b, δ(u), δ(v)): equal almost everywhere, because a condition's own border is no root."""
     g = Extremes().of(d.g) if hoists == MAX_HOISTED and len(kinks_of(d.g)) > MAX_KINKS else d.g
-    inner = _inner_condition(g) if hoists else None
+    inner = inner_condition(g) if hoists else None
     if inner is None:
         return _cleared_delta(g)
-    branches = (delta(_decide(g, inner, value)) for value in (True, False))
+    branches = (delta(decided(g, inner, value)) for value in (True, False))
     return simplify.where(inner, *(_split_delta(b, hoists - 1) if isinstance(b, Delta) else b for b in branches))
 
 
@@ -260,7 +260,7 @@ def _product_integrals(e: Expr) -> list[Integral]:
     return [p for p in reversed(parts) if isinstance(p, Integral)][:1]
 
 
-def _inner_condition(g: Expr) -> Cond | None:
+def inner_condition(g: Expr) -> Cond | None:
     """Returns a condition, dependent on variables, of a `where` in value position of g: it must be hoisted out of the atom. None if there
     is none."""
     stack: list[Expr] = [g]
@@ -279,7 +279,7 @@ def _inner_condition(g: Expr) -> Cond | None:
     return None
 
 
-def _decide(g: Expr, condition: Cond, value: bool) -> Expr:
+def decided(g: Expr, condition: Cond, value: bool) -> Expr:
     """Returns g with one condition taken as true or false."""
     if isinstance(condition, Compare):
         return cast(Expr, assign(g, condition.g, value))

@@ -11,14 +11,16 @@ Cost: written out, the square of the number of candidates; everything else a vis
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import reduce
 from typing import Any, cast
 
 from teg.analysis.kinks import value_nodes
+from teg.analysis.singularities import is_singular
 from teg.errors import ArrayIndexError
 from teg.ir.arrays import Ranged, sum_over
 from teg.ir.cells import rename_indices, replaced
 from teg.ir.choices import CHOICES, AnyOf, Nearest, Product, Winner
-from teg.ir.expr import ONE, TRUE, ZERO, Cond, Expr, Mul, Where, const
+from teg.ir.expr import ONE, TRUE, ZERO, Call, Cond, Expr, Mul, Where, const
 from teg.ir.integral import Integral
 from teg.ir.node import Node, postorder
 from teg.ir.operands import as_number, less
@@ -131,21 +133,30 @@ def _winner(node: Ranged, key: Expr, condition: Cond) -> Winner:
 
 
 def _written_out(root: Expr, reason: str) -> Expr:
-    """Returns the expression with every choice that depends on variables of integration written out as its terms."""
+    """Returns the expression with every choice that depends on variables of integration written out as its terms; as branches where roots,
+    logarithms and powers of a choice are."""
+    roots = [n.children[0] for n in postorder([root]) if isinstance(n, Call) and is_singular(n)]
+    below = set(postorder(roots)) if roots else set()
+    new: dict[Node, Node] = {}
+    for node in postorder([root]):
+        result = rebuild(node, tuple([new[c] for c in node.children]))
+        new[node] = _terms_of(result, node in below, reason) if isinstance(result, CHOICES) and result.free else result
+    return cast(Expr, new[root])
 
-    def change(node: Ranged) -> Node:
-        if not node.free:
-            return node
-        at = candidates_of(node, reason)
-        match node:
-            case AnyOf():
-                return disjunction(*(c for (c,) in cast("list[tuple[Cond]]", at)))
-            case Product():
-                return mul(*(e for (e,) in cast("list[tuple[Expr]]", at)))
-            case _:
-                return _nearest(cast("list[tuple[Expr, Expr, Cond, Expr]]", at), cast(Nearest, node).otherwise)
 
-    return _rewritten(root, change)
+def _terms_of(node: Ranged, branches: bool, reason: str) -> Node:
+    """Returns a choice written out, that of the least key as `branches` or as a sum."""
+    at = candidates_of(node, reason)
+    match node:
+        case AnyOf():
+            return disjunction(*(c for (c,) in cast("list[tuple[Cond]]", at)))
+        case Product():
+            return mul(*(e for (e,) in cast("list[tuple[Expr]]", at)))
+        case _:
+            terms = _nearest(cast("list[tuple[Expr, Expr, Cond, Expr]]", at), cast(Nearest, node).otherwise)
+            if branches:
+                return reduce(lambda last, term: where(term[0], term[1], last), terms[-2::-1], terms[-1][1])
+            return add(*(where(*term, ZERO) for term in terms))
 
 
 def candidates_of(node: Ranged, reason: str) -> list[tuple[Any, ...]]:
@@ -170,14 +181,14 @@ def _at(node: Ranged, j: int) -> tuple[Node, ...]:
             return value, key, conjunction(there, cast(Cond, condition)), otherwise
 
 
-def _nearest(candidates: list[tuple[Expr, Expr, Cond, Expr]], otherwise: Expr) -> Expr:
-    terms: list[Expr] = []
+def _nearest(candidates: list[tuple[Expr, Expr, Cond, Expr]], otherwise: Expr) -> list[tuple[Cond, Expr]]:
+    """Returns the values and where each of them is taken, the last one where no candidate is."""
+    terms: list[tuple[Cond, Expr]] = []
     for i, (value, key, condition, _) in enumerate(candidates):
         before = (disjunction(negation(c), less(key, other, True)) for _, other, c, _ in candidates[:i])
         after = (disjunction(negation(c), less(key, other, False)) for _, other, c, _ in candidates[i + 1 :])
-        terms.append(where(conjunction(condition, *before, *after), value, ZERO))
-    none = conjunction(*(negation(c) for _, _, c, _ in candidates))
-    return add(*terms, where(none, otherwise, ZERO)) if terms else otherwise
+        terms.append((conjunction(condition, *before, *after), value))
+    return [*terms, (conjunction(*(negation(c) for _, _, c, _ in candidates)), otherwise)]
 
 
 def _places(node: Ranged, reason: str) -> int:
