@@ -68,12 +68,16 @@ class Keys:
         """Returns whether an expression is 0 identically; √0 is 0."""
         if e is ZERO:
             return True
-        roots = [n for n in postorder([e]) if isinstance(n, Call) and n.name in ("sqrt", "root")]
-        if roots:
-            e = cast(Expr, rewrite([e], self._without_null_roots)[e])
-        return all(p.value(e) == 0 for p in self._points)
+        whole = self.without_null_roots(e)
+        return all(p.value(whole) == 0 for p in self._points)
 
-    def _without_null_roots(self, old: Node, new: Node) -> Node:
+    def without_null_roots(self, e: Expr) -> Expr:
+        """Returns an expression with 0 for √u where u is 0 identically, and written in a longer form: 1 - a²/a²."""
+        if not any(isinstance(n, Call) and n.name in ("sqrt", "root") for n in postorder([e])):
+            return e
+        return cast(Expr, rewrite([e], self._without_null_root)[e])
+
+    def _without_null_root(self, old: Node, new: Node) -> Node:
         null = isinstance(new, Call) and new.name in ("sqrt", "root") and all(p.value(new.children[0]) == 0 for p in self._points)
         return ZERO if null else new
 

@@ -18,6 +18,7 @@ from teg.analysis.coincidence import ZeroSet, peeled
 from teg.analysis.expanded import distance
 from teg.analysis.nest import Binder, Chain
 from teg.analysis.polynomial import Shadow
+from teg.analysis.singularities import Keys
 from teg.errors import NotDifferentiableError
 from teg.ir import expr as ex
 from teg.ir import simplify
@@ -139,7 +140,8 @@ def _leading_sign(g: Expr, directions: Sequence[Var], at: Mapping[Var, Expr]) ->
 
 
 def restrict(e: Expr, at: Mapping[Var, Expr], surface: Expr, directions: Sequence[Var]) -> Expr:
-    """Returns e at a point of `surface`: variables are replaced, and atoms of other surfaces get the resolution of a tie.
+    """Returns e at a point of `surface`: variables are replaced, and atoms of other surfaces get the resolution of a tie. A root that is
+    0 there is written so, because its derivative would be infinite.
 
     `directions` are the variables along which tied surfaces are moved apart, innermost first.
     """
@@ -162,7 +164,7 @@ def restrict(e: Expr, at: Mapping[Var, Expr], surface: Expr, directions: Sequenc
             g = ZERO  # one surface in two forms: a tie everywhere, so its rounded value must not decide
         return positive(g, old.strict, truth, (_tie_name(surface), _tie_name(old.g)))
 
-    return substitute(e, at, mark)  # type: ignore[return-value]
+    return Keys().without_null_roots(cast(Expr, substitute(e, at, mark)))
 
 
 def _are_planes(g: Expr, h: Expr) -> bool:
