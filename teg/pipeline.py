@@ -14,6 +14,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import NamedTuple, cast
 
@@ -46,7 +47,7 @@ from teg.passes.eliminate.edge_mc import EdgeMc
 from teg.passes.eliminate.families import closing, eliminate_deltas, families_with, is_endless
 from teg.passes.eliminate.implicit import with_deltas
 from teg.passes.intrinsics import boundary_terms, intrinsics_for
-from teg.passes.lower.integrals import About, schedule
+from teg.passes.lower.integrals import ABOUT_NOTHING, About, schedule
 from teg.passes.normalise.canonicalise import Canonical
 from teg.passes.normalise.centre import centred
 from teg.passes.normalise.corners import with_local_boxes
@@ -272,16 +273,11 @@ def flat_program(
     names: Sequence[str],
     how: Integration,
     remarks: Remarks | None = None,
-    intervals: bool = False,
-    differentiated: Sequence[Expr] = (),
+    about: About = ABOUT_NOTHING,
 ) -> Program:
-    """Returns the flat program of outputs without δ, before the passes over flat programs. Decisions are added to `remarks`.
-
-    Closed forms on `intervals` have no pieces, whose ends an estimate of errors needs. Where outputs are derivatives of the
-    `differentiated` expressions, they may take the breaks of these.
-    """
-    outputs, differentiated = ([released(e) for e in several] for several in (outputs, differentiated))
-    return checked("lower", schedule(outputs, names, how, intrinsics_for(how), remarks, About(intervals, differentiated)))
+    """Returns the flat program of outputs without δ, before the passes over flat programs. Decisions are added to `remarks`."""
+    outputs, differentiated = ([released(e) for e in several] for several in (outputs, about.differentiated))
+    return checked("lower", schedule(outputs, names, how, intrinsics_for(how), remarks, replace(about, differentiated=differentiated)))
 
 
 def finished(program: Program, errors: bool = False) -> Program:
@@ -297,10 +293,10 @@ def program_for(
     how: Integration,
     errors: bool = False,
     remarks: Remarks | None = None,
-    differentiated: Sequence[Expr] = (),
+    about: About = ABOUT_NOTHING,
 ) -> Program:
     """Returns the finished program of outputs without δ; with `errors`, an estimate of the error of each follows them."""
-    return finished(flat_program(outputs, names, how, remarks, not errors, differentiated), errors)
+    return finished(flat_program(outputs, names, how, remarks, replace(about, intervals=not errors)), errors)
 
 
 def _expression(e: object) -> Expr:

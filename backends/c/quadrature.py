@@ -179,14 +179,19 @@ def adaptive_piece(block: Sequence[str] | Nodes, rule: Adaptive, sums: Sums, pla
             ),
             "}",
             *([f"teg_at_ends({tested}, measured, apart, teg_ends_{rule.order}[nodes][0]);"] if rule.closed else []),
-            *_judged(tested, watched, good, None if guard is None else _searched(guard, place, tested, whole, literal(rule.tol))),
+            *_judged(tested, watched, good, None if guard is None else _searched(guard, place, tested, whole, _tolerance(rule))),
             *_halved_or_accepted(rule, sums, "whole[j]" if guard is None else f"({whole})[j]", guard is not None),
             *(_rounding_within(place) if sums.estimated else []),
             *_taken(count, tested, sums.estimated),
         ),
         "}",
-        f"if (teg_overspent({tested}, spent, whole, {literal(rule.tol)})) ctx->missed = 1;",
+        f"if (teg_overspent({tested}, spent, whole, {_tolerance(rule)})) ctx->missed = 1;",
     ]
+
+
+def _tolerance(rule: Adaptive) -> str:
+    """Returns the tolerance and the floor of the integral as arguments."""
+    return f"{literal(rule.tol)}, {literal(rule.floor)}"
 
 
 def _rounding_within(place: Sequence[str]) -> list[str]:
@@ -230,7 +235,7 @@ def _assessed(rule: Adaptive, sums: Sums, whole: str, places: Places) -> tuple[l
         rough += ["((neighbours & 1) && here.from == 0.0)", "((neighbours & 2) && here.to == 1.0)"]
     choice = [f"const int power = {' || '.join(rough)} ? 0 : {powers};"] if rough else []
     apart = "apart" if rule.closed else "NULL"
-    good = f"teg_assess({sums.tested}, measured, {apart}, {whole}, {literal(rule.tol)}, {'power' if rough else powers})"
+    good = f"teg_assess({sums.tested}, measured, {apart}, {whole}, {_tolerance(rule)}, {'power' if rough else powers})"
     if single:
         table = [f"const int nodes = {rule.order};", f"const teg_node *const table = teg_nodes_{rule.order};"]
         if not sums.watched:

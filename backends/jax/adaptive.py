@@ -29,17 +29,18 @@ END = 2**MAX_DEPTH
 
 
 def integral(
-    pieces: Pieces, rule: tuple[float, int, int, bool], watched: int, *integral: Any, when: Scalar = True, guard: Guard | None = None
+    pieces: Pieces, rule: tuple[float, float, int, int, bool], watched: int, *integral: Any, when: Scalar = True, guard: Guard | None = None
 ) -> tuple[tuple[Scalar, ...], Note]:
     """Gauss-Legendre with bisection on each piece; the arguments are those of `integrate`.
 
-    The `rule` is its tolerance, the nodes of the first look and of later ones, and whether it looks at values at the ends of an interval
-    too. Behind the values the body has `watched` signs (an interval on which one changes is halved), and the sharp values of a `guard`.
+    The `rule` is its tolerance and the floor of that, the nodes of the first look and of later ones, and whether it looks at values at the
+    ends of an interval too. Behind the values the body has `watched` signs (an interval on which one changes is halved), and the sharp
+    values of a `guard`.
     """
-    tol, first, order, closed = rule
+    tol, floor, first, order, closed = rule
     nodes = _Nodes.of((first, order), watched > 0, closed)
     pieces = pieces._replace(adaptive=True)
-    how = _How(pieces, tol, nodes, watched, closed, guard)
+    how = _How(pieces, (tol, floor), nodes, watched, closed, guard)
     return integrate(pieces, partial(_piece, how), *integral, when=when)
 
 
@@ -111,7 +112,7 @@ class _How(NamedTuple):
     """How an integral is computed; `watched` signs stand behind the values of its body."""
 
     pieces: Pieces
-    tol: float
+    tolerance: tuple[float, float]
     nodes: _Nodes
     watched: int
     closed: bool
@@ -144,7 +145,7 @@ def _piece(how: _How, piece: OnPiece, _: Bends, active: Scalar) -> tuple[Any, No
         seen=jnp.full((nodes.width * nodes.turns, columns), jnp.nan),
     )
     end = while_loop(lambda at: at.start < END, partial(_turned, how, piece), beginning)
-    overspent = jnp.any(end.spent > SPENT * rules.tolerated(jnp, how.tol, end.whole, end.whole))
+    overspent = jnp.any(end.spent > SPENT * rules.tolerated(jnp, how.tolerance, end.whole, end.whole))
     return end.sums, end.note | where(active & overspent, MISSED)
 
 
@@ -196,7 +197,7 @@ def _judged(how: _How, piece: OnPiece, at: _Progress, found: _Measured, nodes: t
     """Whether an interval is accepted, `above` with it, the A that its error is compared with, the A of the whole piece, and what its error
     is at least if it is accepted although a guard says no."""
     looks, seen = nodes
-    tol, guard, narrow = how.tol, how.guard, at.width / END <= WATCH_WIDTH
+    tol, guard, narrow = how.tolerance, how.guard, at.width / END <= WATCH_WIDTH
     whole = jnp.where(at.used == 0, found.size, at.whole)
     if guard is None:
         enough = rules.tolerated(jnp, tol, whole, found.size)

@@ -105,8 +105,8 @@ def _integral(stmt: Integrate, note: str) -> list[str]:
             name, options = "poles.rational", [str(nodes), str(power)]
         case Midpoint(nodes):
             name, options = "rt.midpoint", [str(nodes), "zero"]
-        case Adaptive(tol, first, order, cubic, closed):
-            name, options = "adaptive.integral", [f"({_text(tol)}, {first}, {order}, {closed})", str(len(stmt.watch))]
+        case Adaptive(tol, first, order, cubic, closed, floor):
+            name, options = "adaptive.integral", [f"({_text(tol)}, {_text(floor)}, {first}, {order}, {closed})", str(len(stmt.watch))]
         case _:
             assert_never(stmt.rule)
     kinds = f"({inside(repr(b.kind) for b in stmt.bends)})"

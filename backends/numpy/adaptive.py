@@ -15,7 +15,7 @@ from teg.backends.numpy.pieces import Pieces
 from teg.backends.shared.bends import POWER, Bends
 from teg.backends.shared.rules import null_rule_error, placed, rounding, tolerated, unseen_at_ends
 from teg.numerics.quadrature import gauss_legendre, null_rules
-from teg.program import DEEP, DIVERGENT, END_INSIDE, MAX_DEPTH, MAX_INTERVALS, ROUNDING, SPENT, WATCH_WIDTH
+from teg.program import ABSOLUTE_FLOOR, DEEP, DIVERGENT, END_INSIDE, MAX_DEPTH, MAX_INTERVALS, ROUNDING, SPENT, WATCH_WIDTH
 
 
 def keep_largest(rows: Array, lane: Array, values: Array) -> None:
@@ -68,6 +68,7 @@ class AdaptiveIntegral(Integral):
     order: int = 18
     cubic: bool = False
     closed: bool = False
+    floor: float = ABSOLUTE_FLOOR
     watched: int = 0
     guard: Guard | None = None
 
@@ -101,7 +102,7 @@ class AdaptiveIntegral(Integral):
                 keep_largest(whole, piece, size)
             largest = whole[:, piece] if self.guard is None else above
             used += np.bincount(piece, minlength=count)
-            enough = tolerated(np, self.tol, largest, size)
+            enough = tolerated(np, (self.tol, self.floor), largest, size)
             fine = (error <= enough) | ~np.isfinite(error)
             accepted = np.where(changed, width <= WATCH_WIDTH, fine.all(axis=0))
             if self.guard is not None:
@@ -126,7 +127,7 @@ class AdaptiveIntegral(Integral):
                 estimate = error[:, done] + self._rounding(pieces, intervals, done) * size[:, done]
                 sums[self.values :] += scatter(estimate, piece[done], count)
             if not again.any():
-                run.missed |= bool((spent > SPENT * tolerated(np, self.tol, whole, whole)).any())
+                run.missed |= bool((spent > SPENT * tolerated(np, (self.tol, self.floor), whole, whole)).any())
                 return sums
             if first:
                 piece, left, above, first = piece[again], left[again], above[:, again], False

@@ -43,6 +43,7 @@ from teg.backends.numpy import runtime as rt
 from teg.backends.numpy import samples as sampling
 from teg.backends.text import Dialect, assignment, inside, strict, value
 from teg.program import (
+    ABSOLUTE_FLOOR,
     MAX_EVALUATIONS,
     TEXTS,
     Adaptive,
@@ -262,9 +263,10 @@ class _Printer:
                 kind, rule = "poles.RationalIntegral", f"nodes={nodes}, power={power}"
             case Midpoint(nodes):
                 kind, rule = "integrals.MidpointIntegral", f"nodes={nodes}"
-            case Adaptive(tol, first, order, cubic, closed):
+            case Adaptive(tol, first, order, cubic, closed, floor):
                 kind, rule = "adaptive.AdaptiveIntegral", f"tol={_text(tol)}, first={first}, order={order}, cubic={cubic!r}"
                 rule += f", closed={closed!r}" if closed else ""
+                rule += f", floor={_text(floor)}" if floor != ABSOLUTE_FLOOR else ""
                 rule += f", watched={len(stmt.watch)}" if stmt.watch else ""
                 if stmt.guard is not None:
                     rule += f", guard=guards.Guard(guard_{number}, {len(stmt.guard.upper)})"

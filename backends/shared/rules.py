@@ -8,7 +8,6 @@ from typing import Any
 from teg.backends.shared.arrays import Arrays
 from teg.numerics.quadrature import decay_power, end_rule
 from teg.program import (
-    ABSOLUTE_FLOOR,
     AT_END,
     EDGE,
     END_DECAY,
@@ -125,10 +124,11 @@ def null_rule_bound(xp: Any, tail: Any, decay: Any, size: Any) -> Any:
     return xp.where(tail <= NOISE * size, 0.0, 4.0 * tail * decay)
 
 
-def tolerated(xp: Any, tol: float, whole: Any, size: Any) -> Any:
+def tolerated(xp: Any, tolerance: tuple[float, float], whole: Any, size: Any) -> Any:
     """Returns the error that an interval may have, from its integral of |values| and the integral of |values| over the interval that it is
-    a part of."""
-    return xp.maximum(tol * (whole + ABSOLUTE_FLOOR), ROUNDING * size)
+    a part of; the tolerance is a factor, and a floor of the integral."""
+    tol, floor = tolerance
+    return xp.maximum(tol * (whole + floor), ROUNDING * size)
 
 
 def is_unseen(xp: Any, upper: Any, lower: Any, seen: Any, endless: Any) -> Any:

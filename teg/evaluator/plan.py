@@ -36,7 +36,9 @@ from teg.passes.differentiate.estimators.estimator import Estimator
 from teg.passes.differentiate.estimators.ignore import Ignore, ignore_discontinuities
 from teg.passes.differentiate.through_sums import Parameter, gradient, on_cells, tangent
 from teg.passes.intrinsics import with_loops
+from teg.passes.lower.integrals import About
 from teg.passes.lower.loops import Output, output_of, schedule_arrays
+from teg.passes.lower.weights import has_relative_sums
 from teg.passes.normalise.canonicalise import canonicalise
 from teg.passes.normalise.inline import with_slots, without_slots, write_out
 from teg.passes.normalise.integers import with_sums_of_integers
@@ -229,7 +231,7 @@ class Derivation:
     def _flat(self, wanted: Wanted, entry: int | None, errors: bool, how: Integration) -> Program:
         names = [p.name for p in self.arguments(wanted)]
         outputs = [leaf for e in self.outputs(wanted, entry) for leaf in flatten(e)]
-        return program_for(outputs, names, how, errors, differentiated=flatten(self.outputs(VALUE, entry)[0]))
+        return program_for(outputs, names, how, errors, about=About(differentiated=flatten(self.outputs(VALUE, entry)[0])))
 
     # -- with loops ----------------------------------------------------------------------------------------------------
 
@@ -249,10 +251,13 @@ class Derivation:
         arguments = self.arguments(wanted)
         outputs = [(output[0], released(output[1])) if isinstance(output, tuple) else released(output) for output in outputs]
 
+        is_relative = has_relative_sums([output[1] if isinstance(output, tuple) else output for output in outputs])
+
         def flat(cells: Sequence[Expr], names: Sequence[str], sources: Sequence[Expr]) -> Program:
             # one surface is one expression, so that outputs share loops
             together, known = (flatten(canonicalise(simplify.tuple_of(*several))) for several in (cells, sources))
-            return (flat_program if unfinished else program_for)(together, names, how, differentiated=known)
+            about = About(differentiated=known, relative=is_relative)
+            return (flat_program if unfinished else program_for)(together, names, how, about=about)
 
         scalars = [p.name for p in arguments if isinstance(p, Param)]
         return schedule_arrays(outputs, scalars, [p for p in arguments if isinstance(p, ArrayName)], flat, differentiated)

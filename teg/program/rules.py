@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    pass
+from teg.program.limits import ABSOLUTE_FLOOR
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +44,7 @@ class Adaptive:
     sum of |value|, and an error E by the null rules of `teg.numerics.quadrature`; A₀ is the first A of the piece. An interval is
     accepted if for each of the `tested` first values
 
-        E <= max(tol·(A₀ + ABSOLUTE_FLOOR), ROUNDING·A), or E is not finite
+        E <= max(tol·(A₀ + floor), ROUNDING·A), or E is not finite
 
     and if it was bisected MAX_DEPTH times, or the piece has used MAX_INTERVALS measurements. But then the tolerance was *missed*, as it
     is where K is infinite, or where the errors of a piece (but for intervals in which a watched sign changes) add up to more than
@@ -67,6 +65,8 @@ class Adaptive:
     END_DECAY·t·min(1, r), with t and r as above, 1 for an r that is NaN, 4·g·|y - p| is added to E, if these g·|y - p| together are
     more than NOISE·A; g is the distance in (-1, 1) from an end to the outermost node.
 
+    The `floor` is 0 where an error counts however small the integral is, as in a logarithm or a denominator.
+
     Once the intervals of a run have been measured with more than MAX_EVALUATIONS nodes a point of the batch, or an iteration of a loop,
     each that is still to be measured is accepted, and the tolerance was missed. A box in which roots are isolated counts as
     BOX_COST nodes. Which these are, and which nodes count, is for a backend to say; JAX and the interpreter have no such limit.
@@ -77,6 +77,7 @@ class Adaptive:
     order: int = 18
     cubic: bool = False
     closed: bool = False
+    floor: float = ABSOLUTE_FLOOR
 
 
 @dataclass(frozen=True, slots=True)

@@ -78,7 +78,7 @@ class Guard:
     is hidden. With
 
         a box (left, right) *matters* if one of the tested values does not have
-            size·(right - left) <= max(tol·(A₀ + ABSOLUTE_FLOOR), ROUNDING·A), or size = 0 if right - left is not finite
+            size·(right - left) <= max(tol·(A₀ + floor), ROUNDING·A), or size = 0 if right - left is not finite
         s is *unseen* in it, S being the value of s at nodes, if  upper > UNSEEN·max(S, FAINT)  or  upper > HIDDEN·max(lower, FAINT)
 
     nothing is hidden if the whole interval does not matter, or no s is unseen in it, S being the least at its nodes (of all that are

@@ -28,6 +28,7 @@ from teg.passes.differentiate.estimators.ignore import Ignore
 from teg.passes.differentiate.through_sums import Parameter
 from teg.passes.eliminate.families import closing, families_with
 from teg.passes.intrinsics import boundary_terms
+from teg.passes.lower.integrals import About
 from teg.passes.normalise.canonicalise import canonicalise
 from teg.passes.normalise.inline import reasons, write_out
 from teg.passes.normalise.runs import listed_sums
@@ -123,7 +124,7 @@ def explain_cell(e: Expr, chosen: Sequence[Param], asked: Asked) -> Explanation:
     )
     if outputs is not None:
         program = program_for(
-            [leaf for o in outputs for leaf in flatten(o)], names, how, remarks=remarks, differentiated=flatten(outputs[0])
+            [leaf for o in outputs for leaf in flatten(o)], names, how, remarks=remarks, about=About(differentiated=flatten(outputs[0]))
         )
         data["remarks"] = _told(remarks)
         data["gradient_statements"], data["cost"]["value and gradient"] = size(program), cost_of(program)

@@ -15,6 +15,7 @@ from teg.ir.node import Node, postorder
 from teg.ir.show import show
 from teg.ir.simplify import bracket, positive
 from teg.ir.traverse import parameters, replace_node
+from teg.passes.lower.integrals import About
 from teg.pipeline import flatten, normal_form, program_for
 from teg.program import Isolate, statements
 from teg.report.diagnose import BORDER, CHANGE, NOTHING, STEP, STEP_OVER_TIES, Diagnosis, Element, Look
@@ -66,7 +67,7 @@ class NumberWatch:
         self._value = flatten(outputs[0])
         self._outputs, self._how = [leaf for output in outputs[:2] for leaf in flatten(output)], how
         self.wrt = {p.name for p in wrt}
-        self.program = program_for([*leaves, *_probes(e)], parameters, how, differentiated=flatten(outputs[0]))
+        self.program = program_for([*leaves, *_probes(e)], parameters, how, about=About(differentiated=flatten(outputs[0])))
         self.kernel = compile_numpy(self.program, most=MOST_EVALUATIONS)
         self.results, self.first_order = len(leaves), len(names) - len(flatten(e))
         self.searched = any(isinstance(s, Isolate) for s in statements(self.program.body))  # roots that meet to rounding are a tangency
@@ -97,7 +98,7 @@ class NumberWatch:
             moves = []
             if finite and any(pair[1] == BORDER for pair in pairs):
                 whole = compile_numpy(
-                    program_for(self._outputs, self.parameters, self._how, differentiated=self._value), most=MOST_EVALUATIONS
+                    program_for(self._outputs, self.parameters, self._how, about=About(differentiated=self._value)), most=MOST_EVALUATIONS
                 )
                 moves = self._moves(whole, at, np.concatenate([at.computed, here]), STEP_OVER_TIES)
             elif finite:

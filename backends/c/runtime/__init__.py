@@ -13,7 +13,6 @@ from teg.numerics.cells import BESIDE, EPSILON, MOST_DEGREE, MOST_GUARDS, PLACES
 from teg.numerics.cells import ROUNDING as KEY_ROUNDING
 from teg.numerics.polyhedra import SIDES, box_edges
 from teg.program import (
-    ABSOLUTE_FLOOR,
     AT_END,
     BOX_COST,
     CLIP_EPS,
@@ -95,7 +94,6 @@ LIMITS = {
     "TEG_LEAST": LEAST,
     "TEG_PIECE_EPS": PIECE_EPS,
     "TEG_TIE_EPS": TIE_EPS,
-    "TEG_ABSOLUTE_FLOOR": ABSOLUTE_FLOOR,
     "TEG_ROUNDING": ROUNDING,
     "TEG_MAX_DEPTH": MAX_DEPTH,
     "TEG_MAX_INTERVALS": MAX_INTERVALS,

@@ -48,7 +48,7 @@ static inline void teg_at_ends(int n, const double *sums, double *apart, double 
 /* The errors of n values from their sums: 8 numbers each, the sum, the six null rules, and the sum of sizes. The error of a
    value is written in the place of its first null rule, with what is in `apart`, unless this is NULL. Whether all are small
    enough, or not finite. */
-static inline int teg_assess(int n, double *sums, const double *apart, const double *whole, double tol, int power)
+static inline int teg_assess(int n, double *sums, const double *apart, const double *whole, double tol, double floor, int power)
 {
     int good = 1;
     for (int j = 0; j < n; j++, sums += 8) {
@@ -58,7 +58,7 @@ static inline int teg_assess(int n, double *sums, const double *apart, const dou
         if (tail <= TEG_NOISE * sums[7]) error = 0.0;
         else if (decay < 1.0) for (int k = 0; k < power; k++) error *= decay;
         if (apart) error += 4.0 * apart[2 * j];
-        const double rounding = TEG_ROUNDING * sums[7], wanted = tol * (whole[j] + TEG_ABSOLUTE_FLOOR);
+        const double rounding = TEG_ROUNDING * sums[7], wanted = tol * (whole[j] + floor);
         if (error > (wanted > rounding ? wanted : rounding) && isfinite(error)) good = 0;
         sums[1] = error;
     }
@@ -67,10 +67,10 @@ static inline int teg_assess(int n, double *sums, const double *apart, const dou
 
 //: teg_overspent
 /* Whether the errors of a piece add up to more than one of them may be. */
-static inline int teg_overspent(int n, const double *spent, const double *whole, double tol)
+static inline int teg_overspent(int n, const double *spent, const double *whole, double tol, double floor)
 {
     for (int j = 0; j < n; j++) {
-        const double rounding = TEG_ROUNDING * whole[j], wanted = tol * (whole[j] + TEG_ABSOLUTE_FLOOR);
+        const double rounding = TEG_ROUNDING * whole[j], wanted = tol * (whole[j] + floor);
         if (spent[j] > TEG_SPENT * (wanted > rounding ? wanted : rounding)) return 1;
     }
     return 0;
@@ -98,11 +98,11 @@ static inline int teg_settled(int n, const double *sums)
 
 //: teg_matters
 /* Whether a box of this length may hold more of a value than its error may be. */
-static inline int teg_matters(int n, const double *sizes, double length, const double *sums, const double *above, double tol)
+static inline int teg_matters(int n, const double *sizes, double length, const double *sums, const double *above, double tol, double floor)
 {
     for (int j = 0; j < n; j++) {
         if (!isfinite(length) && sizes[j] == 0.0) continue;
-        const double rounding = TEG_ROUNDING * sums[8 * j + 7], wanted = tol * (above[j] + TEG_ABSOLUTE_FLOOR);
+        const double rounding = TEG_ROUNDING * sums[8 * j + 7], wanted = tol * (above[j] + floor);
         if (!(sizes[j] * length <= (wanted > rounding ? wanted : rounding))) return 1;
     }
     return 0;

@@ -38,7 +38,7 @@ from teg.passes.lower.refute import certainly_empty
 from teg.passes.lower.roots import Roots
 from teg.passes.lower.rules import Rules
 from teg.passes.lower.samples import Samples, deciding_integrals
-from teg.passes.lower.weights import largest, weights
+from teg.passes.lower.weights import largest, relative, weights
 from teg.program import Adaptive, Arg, Assign, Bend, Called, Gauss, Guard, Integrate, Program, Rule, Tie
 from teg.program.dce import without_dead_code
 
@@ -54,11 +54,13 @@ Surfaces approach each other towards one end, or both.
 
 @dataclass(frozen=True)
 class About:
-    """What is known of outputs: whether closed forms of them may lie on `intervals`, without pieces, and the `differentiated` expressions
-    whose derivatives they are."""
+    """What is known of outputs: whether closed forms of them may lie on `intervals`, without pieces, whose ends an estimate of errors
+    needs; the `differentiated` expressions whose derivatives they are, of which they may take the breaks; whether all their digits count,
+    however small they are (`relative`)."""
 
-    intervals: bool = True
+    intervals: bool = False
     differentiated: Sequence[Expr] = ()
+    relative: bool = False
 
 
 ABOUT_NOTHING = About()
@@ -97,11 +99,11 @@ class _Integrals:
         self.pieces = Pieces(self.out, self.rules, self.roots)
         self.lowerings: list[Lowering] = [i.lowering(self.out) for i in intrinsics if i.lowering is not None]
         self._claimed: dict[Node, Lowering] = {}
-        self.has_intervals = about.intervals
+        self.has_intervals, self.is_relative = about.intervals, about.relative
 
     def run(self, outputs: Sequence[Expr]) -> Program:
         """Returns the program of the outputs."""
-        top = Level(None, None, 0)
+        top = Level(None, None, 0, is_relative=self.is_relative)
         if self.has_intervals and self.how.closed_forms and self.how.rule == "auto":
             outputs = with_terms_apart(outputs, self.rules.analysis)
         self.samples.deciding = deciding_integrals(outputs)
@@ -128,6 +130,7 @@ class _Integrals:
             return
         level.guards = guards(roots, order, inner, height, set(mine))
         level.weights = weights(roots, order)
+        level.relative = relative(order, roots if level.is_relative else ())
         shared: dict[object, list[Integral]] = {}
         for node in mine:
             masses = masses_of(node.body, node.var)
@@ -217,14 +220,16 @@ class _Integrals:
     def _by_pieces(self, group: Sequence[Integral], home: Level, when: str | None) -> Sequence[Arg]:
         """Returns the results of integrals that share a loop over pieces: one `Integrate`."""
         node, infinite = group[0], is_unbounded(group[0])
-        rule = self.rules.shared(group, home.depth)
+        rule, is_relative = self.rules.shared(group, home.depth), not home.relative.isdisjoint(group)
         lo, hi, breaks = self.pieces.of(group, home, when)
         if isinstance(rule, Mean):
             return self._by_means(group, home, when, (lo, hi, breaks))
+        if isinstance(rule, Adaptive) and is_relative:
+            rule = replace(rule, floor=0.0)
         var = self.out.fresh("x")
         around, self.out.ranges = self.out.ranges, numeric_range(node, self.out.ranges)
         level = home.inside(node.var, var)
-        level.breaks, level.middle = self.rules.analysis.of(node), home.inside(node.var, var)
+        level.breaks, level.middle, level.is_relative = self.rules.analysis.of(node), home.inside(node.var, var), is_relative
         weight = largest([home.weights.get(i, ONE) for i in group]) if isinstance(rule, Adaptive) else ONE
         ends = () if infinite else (self.out.fresh("x"), self.out.fresh("x"))
         if ends:

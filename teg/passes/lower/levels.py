@@ -34,6 +34,8 @@ class Level:
     groups: dict[Integral, list[Integral]] = field(default_factory=dict)
     guards: dict[Integral, Cond] = field(default_factory=dict)
     weights: dict[Integral, Expr] = field(default_factory=dict)  # the factors by which integrals are multiplied while they are computed
+    relative: set[Integral] = field(default_factory=set)  # the integrals of which every digit counts, however small they are
+    is_relative: bool = False  # whether this is inside of such an integral
     searches: dict[object, tuple[str | None, tuple[Arg, ...]]] = field(default_factory=dict)
     coincident: dict[Compare, Arg] = field(default_factory=dict)  # for a sum over roots: the conditions that may tie with its surface
     constant: dict[Node, bool] = field(default_factory=dict)  # on a piece

@@ -1,21 +1,25 @@
 """The weight of an integral in the results: the factors in front of it.
 
 The tolerance of an adaptive integral is relative, down to an absolute floor. An integral of 1e-27 behind a factor of 1e27 is below every
-floor, so such an integral is computed times that factor, and divided by it afterwards. Linear.
+floor, so such an integral is computed times that factor, and divided by it afterwards. In log ∫ f dx or ∫ x·f dx/∫ f dx every digit counts,
+however small the integrals are, and how small is not known before: their tolerance has no floor (`relative`). Linear.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-from teg.ir.expr import ONE, TRUE, Add, Cond, Const, Expr, Mul, Tuple, Where, const
+from teg.ir.arrays import Sum
+from teg.ir.expr import ONE, TRUE, Add, Call, Cond, Const, Expr, Mul, Pow, Tuple, Where, const
 from teg.ir.integral import ClosedForm, Integral, PointMasses
-from teg.ir.node import Node
+from teg.ir.node import Node, postorder
 from teg.ir.simplify import call, conjunction, mul, negation, where
 
 SMALL_FACTOR = 100.0
 """A factor up to this size in front of an integral is ignored."""
 LARGEST_FACTOR = 1e200
+STEEP = ("log", "sqrt", "root", "pow", "atan2")
+"""Functions that magnify relative errors where their arguments are small."""
 MAX_PLACES = 4
 """An integral in more places has the weight of the first of them."""
 
@@ -52,6 +56,41 @@ def weights(roots: Sequence[Expr], order: Sequence[Node]) -> dict[Integral, Expr
             case _:
                 _put(fronts, node.children, (ONE, TRUE))
     return found
+
+
+def relative(order: Sequence[Node], roots: Sequence[Expr]) -> set[Integral]:
+    """Returns the integrals of one level of which all digits count: those in a function that is not smooth at 0, or beside one of an
+    integral in a product, and those of which `roots` are made.
+
+    `order` has the nodes of the level, children first.
+    """
+    return {n for n in _counting(order, roots) if isinstance(n, Integral)}
+
+
+def has_relative_sums(outputs: Sequence[Expr]) -> bool:
+    """Returns whether there are sums over data of integrals of which all digits count, as in log Σ ∫ f dx."""
+    return any(isinstance(n, Sum) for n in _counting(postorder(outputs), ()))
+
+
+def _counting(order: Sequence[Node], roots: Sequence[Expr]) -> set[Node]:
+    """Returns the nodes of which all digits count."""
+    steep: set[Node] = set()  # the nodes with such a function of an integral below them
+    for node in order:
+        if node.has_integral and not isinstance(node, Integral) and (_is_steep(node) or any(c in steep for c in node.children)):
+            steep.add(node)
+    counting: set[Node] = set(roots)
+    for node in reversed(order):
+        inner = [c for c in node.children if c.has_integral]
+        if isinstance(node, Integral):
+            continue
+        if node in counting or _is_steep(node) or (isinstance(node, Mul) and len(inner) > 1 and not steep.isdisjoint(inner)):
+            counting.update(inner)
+    return counting
+
+
+def _is_steep(node: Node) -> bool:
+    """Returns whether a node is a function that is not smooth at 0, of an integral."""
+    return node.has_integral and ((isinstance(node, Pow) and node.exponent < 0) or (isinstance(node, Call) and node.name in STEEP))
 
 
 def _put(fronts: dict[Node, dict[Front, None]], children: Sequence[Node], front: Front) -> None:

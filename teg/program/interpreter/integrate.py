@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, assert_never
 from teg.numerics.quadrature import decay_power, end_rule, gauss_legendre, null_rules, pole_table
 from teg.program.interpreter.bends import POWER, Substitution, substitution, tail_place
 from teg.program.limits import (
-    ABSOLUTE_FLOOR,
     AT_END,
     DEEP,
     DIVERGENT,
@@ -181,7 +180,7 @@ class _Piece:
             elif stmt.guard is not None:
                 whole = [_larger(a, s) for a, s in zip(whole, found.size, strict=True)]
             known = whole if stmt.guard is None else above
-            wanted = [max(rule.tol * (known[j] + ABSOLUTE_FLOOR), ROUNDING * found.size[j]) for j in tested]
+            wanted = [max(rule.tol * (known[j] + rule.floor), ROUNDING * found.size[j]) for j in tested]
             fine = all(e <= w or not math.isfinite(e) for e, w in zip(found.error, wanted, strict=True))
             good = right - left <= WATCH_WIDTH if found.changed else fine
             hides = False
@@ -207,7 +206,7 @@ class _Piece:
                 spent = [s + e for s, e in zip(spent, found.error, strict=True)]
             factor = max(rounding(way.p, way.q), 0.5 * ROUNDING + _placed(way, left, right))
             self._take(found.total, [e + factor * a for e, a in zip(found.error, found.size, strict=True)])
-        most = [max(rule.tol * (a + ABSOLUTE_FLOOR), ROUNDING * a) for a in whole]
+        most = [max(rule.tol * (a + rule.floor), ROUNDING * a) for a in whole]
         m.missed |= any(s > SPENT * w for s, w in zip(spent, most, strict=True))
 
     def _measure(self, way: Substitution, left: float, right: float, n: int, smooth: bool, closed: bool) -> _Measured:

@@ -8,7 +8,7 @@ import teg
 from teg.ir.expr import Const, Expr
 from teg.ir.integral import Integral
 from teg.ir.node import postorder
-from teg.passes.lower.weights import LARGEST_FACTOR, largest, weights
+from teg.passes.lower.weights import LARGEST_FACTOR, largest, relative, weights
 
 x = teg.var("x")
 a, t = teg.params("a t")
@@ -55,3 +55,30 @@ def test_a_factor_in_a_branch_that_is_not_taken_does_not_count() -> None:
 def test_the_largest_of_several_places_counts() -> None:
     assert teg.evaluate(weight_of(t * INNER + a * INNER), {t: 300.0, a: -700.0}) == 700.0  # type: ignore[arg-type]
     assert largest([t, t]) is t
+
+
+OTHER = teg.integral(teg.exp(t * x), (x, 0, 1))
+
+
+@pytest.mark.parametrize(
+    ("e", "expected"),
+    [
+        (INNER, set()),
+        (t * INNER**2 + teg.exp(OTHER), set()),
+        (t * teg.log(INNER) + OTHER, {INNER}),
+        (teg.sqrt(2 + INNER), {INNER}),
+        (a / INNER, {INNER}),
+        (OTHER * INNER, set()),
+        (OTHER / INNER, {INNER, OTHER}),
+        (OTHER * teg.log(INNER), {INNER, OTHER}),
+        (teg.where(t > 0, OTHER, 1 / (1 + teg.exp(INNER))), {INNER}),
+    ],
+    ids=str,
+)
+def test_digits_that_count_however_small(e: Expr, expected: set[Expr]) -> None:
+    assert relative(postorder([e]), ()) == expected
+
+
+def test_digits_of_roots() -> None:
+    e = a * INNER + OTHER**2
+    assert relative(postorder([e]), [e]) == {INNER, OTHER}
