@@ -283,7 +283,9 @@ def flat_program(
 def finished(program: Program, errors: bool = False) -> Program:
     """Returns the program after the passes over flat programs."""
     for name, step in to_finished(errors):
-        program = checked(name, step(program))
+        before, program = program, step(program)
+        if program is not before or is_dumped(name):
+            program = checked(name, program)
     return program
 
 

@@ -18,6 +18,7 @@ from teg.ir.integral import Integral
 from teg.ir.node import digest, postorder
 from teg.numerics.field import P, inverse, residue, residue_of_float
 
+_OPERATIONS = (Add, Mul, Pow, Call)
 MAX_TERMS = 400
 MAX_DEGREE = 60
 
@@ -94,12 +95,10 @@ class Shadow:
     def _is_constant(self, poly: Poly) -> bool:
         return len(poly) == 1 and self._one in poly
 
-    def _value_children(self, node: Expr) -> list[Expr]:
-        if isinstance(node, Where):
-            return [node.then, node.otherwise]
-        if isinstance(node, Add | Mul | Pow | Call):
-            return cast("list[Expr]", list(node.children))
-        return []
+    def _value_children(self, node: Expr) -> tuple[Expr, ...]:
+        if isinstance(node, _OPERATIONS):
+            return node.children  # type: ignore[return-value]
+        return (node.then, node.otherwise) if isinstance(node, Where) else ()
 
     def _combine(self, node: Expr) -> Ratio | None:
         known = self._known
@@ -228,6 +227,11 @@ class Shadow:
         return total
 
     def _multiply(self, a: Poly, b: Poly) -> Poly:
+        if self._is_constant(b):
+            a, b = b, a
+        if self._is_constant(a) and len(b) <= MAX_TERMS:
+            factor = a[self._one]
+            return {m: c * factor % P for m, c in b.items()}
         if len(a) * len(b) > 16 * MAX_TERMS:
             return cast(Poly, None)
         out: Poly = {}

@@ -31,11 +31,11 @@ def verify(root: Node, stage: str = "") -> None:
     for node in postorder([root]):
         kinds: tuple[type[Node], ...]
         match node:
+            case Add() | Mul() | And() | Or():
+                kinds = (Cond if isinstance(node, (And, Or)) else Expr,) * len(node.children)
+                assert len(node.children) >= 2, f"{stage}: a {type(node).__name__} of fewer than two"
             case Const() | Param() | Var() | Truth():
                 kinds = ()
-            case Add() | Mul() | And() | Or():
-                kinds = (Cond if isinstance(node, And | Or) else Expr,) * len(node.children)
-                assert len(node.children) >= 2, f"{stage}: a {type(node).__name__} of fewer than two"
             case Pow():
                 kinds = (Expr,)
                 assert node.exponent not in (0, 1), f"{stage}: a trivial power"

@@ -37,6 +37,7 @@ Known = dict[str, Kind]
 
 
 ASSIGNED = Result("any")
+_NOTHING_MADE: dict[str, Known] = {}
 OPERANDS: dict[Kind, Operand] = {kind: Operand(kind) for kind in get_args(Kind)}
 _KINDS: dict[Kind, str] = {"number": "a number", "condition": "a condition", "integer": "an integer"}
 
@@ -132,7 +133,8 @@ class _Verifier:
             self.fail(f"{name} is given twice", stmt)
         self.given.add(name)
         kind = self.kind_of(stmt) if role.kind == "any" else role.kind
-        self.check(is_condition(name) == (kind == "condition"), f"{name} is no name of {_KINDS[kind]}", stmt)
+        if is_condition(name) != (kind == "condition"):
+            self.fail(f"{name} is no name of {_KINDS[kind]}", stmt)
         return kind
 
     def kind_of(self, stmt: object) -> Kind:
@@ -203,7 +205,7 @@ class _Flat(_Verifier):
         if not isinstance(stmt, Assign):
             return super().statement(stmt, known)
         self._assignment(stmt, known)
-        return {stmt.name: self.result(stmt.name, ASSIGNED, known, {}, stmt)}
+        return {stmt.name: self.result(stmt.name, ASSIGNED, known, _NOTHING_MADE, stmt)}
 
     def kind_of(self, stmt: object) -> Kind:
         assert isinstance(stmt, Assign)
@@ -238,15 +240,18 @@ class _Flat(_Verifier):
                 self._ellipse(stmt)
 
     def _assignment(self, stmt: Assign, known: Known) -> None:
-        self.check(stmt.op in OPERATIONS, f"there is no operation {stmt.op!r}", stmt)
-        operation = OPERATIONS[stmt.op]
+        operation = OPERATIONS.get(stmt.op)
+        if operation is None:
+            raise MalformedProgram(f"there is no operation {stmt.op!r}", stmt, self.stage)
         kinds, count = operation.operands, len(stmt.args)
         if operation.repeated and count > len(kinds):
             kinds = kinds + kinds[-1:] * (count - len(kinds))
         least = 1 if operation.repeated else len(kinds)  # a function may have no inputs
-        self.check(least <= count <= len(kinds), f"{stmt.op} of {count} operands", stmt)
+        if not least <= count <= len(kinds):
+            self.fail(f"{stmt.op} of {count} operands", stmt)
         for arg, kind in zip(stmt.args, kinds, strict=False):
-            self.operand(arg, OPERANDS[kind], known, stmt)
+            if not isinstance(arg, str) or known.get(arg) != kind:
+                self.operand(arg, OPERANDS[kind], known, stmt)
         if stmt.op == "call":
             k = stmt.args[0]
             self.check(isinstance(k, int) and 0 <= k < len(self.program.functions), f"there is no function {k}", stmt)
