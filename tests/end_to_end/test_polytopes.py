@@ -1,16 +1,16 @@
-"""Volumes of tetrahedra in a cube, degenerate ones too, against slices in rational numbers."""
+"""Volumes of tetrahedra in a cube, degenerate ones too, against rational numbers."""
 
 from __future__ import annotations
 
 import random
 from fractions import Fraction
-from itertools import combinations, pairwise
 
 import numpy as np
 import pytest
 
 import teg
 from teg.program import Gauss, Integrate, statements
+from tests.backends.rational_solids import integral
 from tests.bench.scenes import tetrahedron
 
 Vertices = list[list[Fraction]]
@@ -18,8 +18,7 @@ Plane = tuple[Fraction, Fraction, Fraction, Fraction]
 """a, b, c, d: the half-space a·x + b·y + c·z + d ≥ 0."""
 
 FACES = ((0, 1, 2), (0, 3, 1), (0, 2, 3), (1, 3, 2))
-ZERO, ONE = Fraction(0), Fraction(1)
-CUBE: list[Plane] = [(ONE, ZERO, ZERO, ZERO), (ONE, ZERO, ZERO, -ONE), (ZERO, ONE, ZERO, ZERO), (ZERO, ONE, ZERO, -ONE)]
+ZERO = Fraction(0)
 
 
 def plane(vertices: Vertices, face: tuple[int, int, int]) -> Plane:
@@ -30,40 +29,9 @@ def plane(vertices: Vertices, face: tuple[int, int, int]) -> Plane:
     return n[0], n[1], n[2], -sum((a * b for a, b in zip(n, p, strict=True)), ZERO)
 
 
-def determinant(rows: list[list[Fraction]]) -> Fraction:
-    """The determinant of three rows."""
-    a, b, c = rows
-    return sum((a[i] * (b[(i + 1) % 3] * c[(i + 2) % 3] - b[(i + 2) % 3] * c[(i + 1) % 3]) for i in range(3)), ZERO)
-
-
-def area(planes: list[Plane], z: Fraction) -> Fraction:
-    """The area of a slice of the unit square, clipped corner by corner."""
-    corners = [(ZERO, ZERO), (ONE, ZERO), (ONE, ONE), (ZERO, ONE)]
-    for a, b, c, d in planes:
-        kept = []
-        for (x0, y0), (x1, y1) in zip(corners, corners[1:] + corners[:1], strict=True):
-            g, h = a * x0 + b * y0 + c * z + d, a * x1 + b * y1 + c * z + d
-            if g >= 0:
-                kept.append((x0, y0))
-            if g * h < 0:
-                kept.append((x0 + g / (g - h) * (x1 - x0), y0 + g / (g - h) * (y1 - y0)))
-        corners = kept
-    shoelace = (p[0] * q[1] - p[1] * q[0] for p, q in zip(corners, corners[1:] + corners[:1], strict=True))
-    return sum(shoelace, ZERO) / 2
-
-
 def volume(vertices: Vertices) -> Fraction:
-    """The volume in the unit cube: the area of a slice is quadratic between the corners of the arrangement of all planes."""
-    planes = [plane(vertices, face) for face in FACES]
-    heights = {ZERO, ONE}
-    for three in combinations(planes + CUBE, 3):
-        if (size := determinant([list(p[:3]) for p in three])) != 0:
-            heights.add(determinant([[p[0], p[1], -p[3]] for p in three]) / size)
-    total = ZERO
-    for lo, hi in pairwise(sorted(h for h in heights if 0 <= h <= 1)):
-        quarters = [area(planes, lo + (hi - lo) * Fraction(k, 4)) for k in (1, 2, 3)]
-        total += (hi - lo) * (2 * quarters[0] - quarters[1] + 2 * quarters[2]) / 3
-    return total
+    """The volume in the unit cube."""
+    return integral([0, 1] * 3, [plane(vertices, face) for face in FACES])
 
 
 def tetrahedra(count: int) -> list[Vertices]:
