@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping, Sequence
 from fractions import Fraction
+from functools import lru_cache
 from types import UnionType
 from typing import cast
 
@@ -29,6 +30,7 @@ Kinds = type[Param] | UnionType
 """Classes of generators."""
 
 
+@lru_cache(maxsize=1024)
 def shorter_form(e: Expr, variables: bool = False) -> Expr | None:
     """Returns the shorter of two normal forms of e: in parameters, or in parameters and differences of two parameters; with `variables`,
     of variables and parameters too.

@@ -6,6 +6,8 @@ Source: von zur Gathen and Gerhard, Modern Computer Algebra, chapters 3 and 14.
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 from teg.analysis.polynomial import Poly
 from teg.numerics.field import P, inverse, residue
 
@@ -39,12 +41,13 @@ def quotient_and_remainder(p: Coefficients, q: Coefficients) -> tuple[Coefficien
     """p divided by q, which is not 0."""
     remainder, lead, above = list(p), inverse(q[-1]), len(p) - len(q)
     quotient = [0] * max(above + 1, 0)
+    lower = [(i, c) for i, c in enumerate(q[:-1]) if c]
     for shift in range(above, -1, -1):
         factor = quotient[shift] = remainder[shift + len(q) - 1] * lead % P
         if factor:
-            for i, c in enumerate(q):
-                remainder[shift + i] = (remainder[shift + i] - factor * c) % P
-    return _trimmed(quotient), _trimmed(remainder[: len(q) - 1])
+            for i, c in lower:
+                remainder[shift + i] -= factor * c
+    return _trimmed(quotient), _trimmed([c % P for c in remainder[: len(q) - 1]])
 
 
 def monic(p: Coefficients) -> Coefficients:
@@ -63,14 +66,20 @@ def common_factor(p: Coefficients, q: Coefficients) -> Coefficients:
 
 
 def one_root(p: Coefficients) -> int | None:
-    """Returns a root of p in the field, or None if it has none there.
+    """Returns a root of p in the field, or None if it has none there. Kept for the next time: one surface is asked about many others."""
+    return _one_root(tuple(p))
+
+
+@lru_cache(maxsize=256)
+def _one_root(coefficients_of_p: tuple[int, ...]) -> int | None:
+    """Returns a root, or None.
 
     gcd(p, v^P - v) is the product of (v - root) over the distinct roots; random shifts of (v + s)^((P-1)/2) - 1 split it
     (Cantor and Zassenhaus 1981). Costs about 521 products of polynomials of the degree of p. A quadratic has a formula.
     """
+    p = monic(list(coefficients_of_p))
     if len(p) < 2:
         return None
-    p = monic(p)
     if len(p) == 3:
         return _root_of_square(p[1] * HALF % P, p[0])
     split = common_factor(p, _difference(_power([0, 1], P, p), [0, 1]))
