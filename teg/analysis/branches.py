@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import cast
 
 from teg.ir.expr import TRUE, Add, Call, Cond, Expr, Mul, Pow, Var, Where
@@ -11,8 +12,12 @@ from teg.ir.traverse import replace_node
 MAX_BRANCHES = 16
 
 
-def branches_of(f: Expr) -> list[Expr] | None:
-    """Returns f with every `where` on variables replaced by either branch; None if there are too many combinations."""
+@lru_cache(maxsize=1024)
+def branches_of(f: Expr) -> tuple[Expr, ...] | None:
+    """Returns f with every `where` on variables replaced by either branch; None if there are too many combinations.
+
+    Kept for the next time: integrals that are alike ask for the same functions.
+    """
     result = [f]
     done: list[Expr] = []
     while result:
@@ -25,7 +30,7 @@ def branches_of(f: Expr) -> list[Expr] | None:
         else:
             for branch in (outer.then, outer.otherwise):
                 result.append(cast(Expr, replace_node(e, outer, branch)))
-    return done
+    return tuple(done)
 
 
 def cases_of(f: Expr, x: Var) -> list[tuple[Expr, Cond]] | None:

@@ -225,7 +225,7 @@ def test_slices_of_a_ball_that_a_plane_cuts() -> None:
     """The gradient breaks where a slice goes through a corner of its polygon, or touches a line."""
     ball = teg.bracket((x - a) ** 2 + (y - b) ** 2 + (z - t) ** 2 < r**2)
     e = teg.integral(ball * teg.bracket(x + z < s) * (1 + x * z), (x, 0, 1), (y, 0, 1), (z, 0, 1))
-    on, off = (teg.compile(e, [a, r, s], intrinsics=flag, tol=1e-11) for flag in (True, False))
+    on, off = teg.compile(e, [a, r, s], tol=1e-11), teg.compile(e, [a, r, s], intrinsics=False, tol=1e-11, backend="c")
     at = {"a": 0.1, "b": 0.3, "r": 0.4, "t": 0.5, "s": 0.5}
     (value, slopes), (true, others) = on.value_and_grad(at), off.value_and_grad(at)
     assert value == pytest.approx(true, abs=1e-11)
