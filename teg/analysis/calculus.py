@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from typing import cast
 
 from teg.errors import NotDifferentiableError
@@ -105,8 +106,9 @@ def factor_cofactors(node: Mul) -> list[Expr]:
     return result
 
 
+@lru_cache(maxsize=1024)
 def slope(e: Expr, by: Var | Param) -> Expr:
-    """Returns ∂e/∂by with conditions held constant. For atoms.
+    """Returns ∂e/∂by with conditions held constant. For atoms; each is asked for its slope again and again.
 
     Raises NotDifferentiableError if an integral in e depends on a variable `by`; with a parameter `by` integrals are held constant too.
     """

@@ -16,6 +16,7 @@ Whether a polynomial is a power, or shares a factor with another one, is decided
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 from itertools import islice
 from typing import cast
 
@@ -94,7 +95,10 @@ class ZeroSet:
         return (bool(self._points) and all(point.value(e) == 0 for point in self._points)) or is_zero_on(e, self._surface)
 
 
+@lru_cache(maxsize=64)
 def _points_on(g: Expr) -> list[Point]:
+    """Returns random points of a surface, kept for the next time: one surface is compared with all others of its integrals, and the points
+    know the values of what was compared."""
     symbols = [n for n in postorder([g]) if isinstance(n, Var | Param)]
     for pivot in symbols:
         points = [_affine_zero(g, pivot, trial) for trial in ("0", "1")]

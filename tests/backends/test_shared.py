@@ -44,7 +44,9 @@ def bent(arrays: Arrays, kinds: tuple[str, ...]) -> Substitution:
 
 @pytest.mark.parametrize("kinds", [*((kind,) for kind in KINDS), ("end", "end"), KINDS], ids="+".join)
 def test_substitutions(kinds: tuple[str, ...], jax_arrays: Arrays) -> None:
-    numpy, jax = bent(NUMPY, kinds), bent(jax_arrays, kinds)
+    import jax as of_jax
+
+    numpy, jax = bent(NUMPY, kinds), of_jax.jit(lambda: bent(jax_arrays, kinds))()
     np.testing.assert_array_equal(numpy.kind, jax.kind)
     assert set(numpy.kind) <= set(possible_kinds(kinds, False, True))
     assert set(numpy.kind[-2:]) == {TAIL}
@@ -79,8 +81,17 @@ def test_what_is_not_chosen_is_kept(mask: list[bool], jax_arrays: Arrays) -> Non
 
 def same(xp: Any, f: Any, *arguments: Any) -> None:
     """A function gives the same with the arrays of NumPy and of another module."""
+    import jax
+
+    places = [i for i, a in enumerate(arguments) if isinstance(a, np.ndarray)]
+
+    @jax.jit  # one program, not one for each operation
+    def of_jax(arrays: Any) -> Any:
+        given = dict(zip(places, arrays, strict=True))
+        return f(xp, *(given.get(i, a) for i, a in enumerate(arguments)))
+
     with np.errstate(all="ignore"):
-        first, second = f(np, *arguments), f(xp, *(xp.asarray(a) if isinstance(a, np.ndarray) else a for a in arguments))
+        first, second = f(np, *arguments), of_jax([arguments[i] for i in places])
     for n, j in zip(*(v if isinstance(v, tuple) else (v,) for v in (first, second)), strict=True):
         np.testing.assert_allclose(n, j, **CLOSE)
 
