@@ -104,7 +104,7 @@ def test_c_has_the_numbers_of_numpy(kind: str, seed: int, c_points: Callable[...
 
 
 @pytest.mark.usefixtures("x64")
-@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("seed", [SEEDS[0], SEEDS[-1]])
 @pytest.mark.parametrize("kind", KINDS)
 def test_jax_has_the_numbers_of_numpy(kind: str, seed: int) -> None:
     import jax
