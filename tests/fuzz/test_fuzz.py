@@ -21,7 +21,7 @@ PROGRAMS = 300
 CHUNK = 10
 FOLDER = Path(__file__).parent
 LIMIT = 20.0
-IN_C, IN_JAX = 3, 100
+IN_C, IN_JAX = 4, 100
 """Every how many programs are compiled by these: gcc takes half a second for one, XLA some seconds. The long run sees all in C."""
 
 x, y, t, a = variable("x"), variable("y"), parameter("t"), parameter("a")
