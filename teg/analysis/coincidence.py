@@ -95,28 +95,35 @@ class ZeroSet:
         return (bool(self._points) and all(point.value(e) == 0 for point in self._points)) or is_zero_on(e, self._surface)
 
 
-@lru_cache(maxsize=64)
 def _points_on(g: Expr) -> list[Point]:
-    """Returns random points of a surface, kept for the next time: one surface is compared with all others of its integrals, and the points
-    know the values of what was compared."""
+    """Returns random points of a surface."""
+    return [Point(salt, {symbol: place}) for salt, symbol, place in _places_on(g)]
+
+
+@lru_cache(maxsize=256)
+def _places_on(g: Expr) -> tuple[tuple[str, Expr, int], ...]:
+    """Returns random points of a surface: a salt for all its symbols but one, this one, and where it is then.
+
+    Kept for the next time: one surface is compared with all others of its integrals.
+    """
     symbols = [n for n in postorder([g]) if isinstance(n, Var | Param)]
     for pivot in symbols:
-        points = [_affine_zero(g, pivot, trial) for trial in ("0", "1")]
-        if points[0] is not None and points[1] is not None:
-            return [p for p in points if p is not None]
+        places = [(trial, pivot, _affine_zero(g, pivot, trial)) for trial in ("0", "1")]
+        if all(place is not None for _, _, place in places):
+            return cast("tuple[tuple[str, Expr, int], ...]", tuple(places))
     for v in symbols:
         if isinstance(v, Var) and 2 <= (Shadow((v,)).degree(g) or 0) <= MAX_ROOT_DEGREE:
             roots = ((str(trial), one_root(_coefficients(g, v, str(trial)))) for trial in range(TRIALS))
-            return list(islice((Point(trial, {v: root}) for trial, root in roots if root is not None), POINTS))
-    return []
+            return tuple(islice(((trial, v, root) for trial, root in roots if root is not None), POINTS))
+    return ()
 
 
-def _affine_zero(g: Expr, pivot: Expr, trial: str) -> Point | None:
-    """Returns a point of g = 0 if g is affine in the pivot, else None."""
+def _affine_zero(g: Expr, pivot: Expr, trial: str) -> int | None:
+    """Returns where the pivot is on g = 0 if g is affine in it, else None."""
     zero, one, two = (Point(trial, {pivot: k}).value(g) for k in range(3))
     if zero is None or one is None or two is None or (two - 2 * one + zero) % P or (one - zero) % P == 0:
         return None
-    return Point(trial, {pivot: divided(-zero, one - zero)})
+    return divided(-zero, one - zero)
 
 
 def _coefficients(g: Expr, v: Var, salt: str = "") -> list[int]:
