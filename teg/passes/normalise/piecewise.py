@@ -16,6 +16,7 @@ from itertools import product
 from typing import cast
 
 from teg.analysis.calculus import SMOOTH
+from teg.analysis.expanded import expanded
 from teg.analysis.extents import EVERYTHING, Extent, extents
 from teg.analysis.kinks import EXTREMES, Kinks, kinks_of, value_nodes
 from teg.ir.cells import Symbols
@@ -70,7 +71,7 @@ def with_smooth_atoms(root: Expr) -> Expr:
         if isinstance(atom, Compare) and atom.free and atom.resolution is None and atom not in own and kinks_of(atom.g):
             parts = _alternatives(atom.g, kinks) if _is_a_number(atom.g, bounds) else None
             if isinstance(parts, list) and sum(map(len, parts)) <= FEW_ATOMS:
-                chosen[atom] = disjunction(*(conjunction(*(positive(f, atom.strict) for f in part)) for part in parts))
+                chosen[atom] = disjunction(*(conjunction(*(positive(_cancelled(f), atom.strict) for f in part)) for part in parts))
     return cast(Expr, rewrite([root], lambda old, new: chosen.get(old, new))[root]) if chosen else root
 
 
@@ -123,12 +124,18 @@ def _written_out(atom: Compare, kinks: Kinks) -> Cond:
             then, otherwise = (cast(Expr, replace_node(g, result, side)) for side in (result.then, result.otherwise))
             waiting += [((*sides, negation(result.condition)), otherwise), ((*sides, result.condition), then)]
         elif result is not None:
-            parts = [conjunction(*(positive(f, atom.strict) for f in part)) for part in result]
+            parts = [conjunction(*(positive(_cancelled(f), atom.strict) for f in part)) for part in result]
             cases.append(conjunction(*sides, disjunction(*parts)))
             count += len(sides) + sum(map(len, result))
         if result is None or count + len(waiting) > MOST_ATOMS:
             return atom
     return disjunction(*cases)
+
+
+def _cancelled(f: Expr) -> Expr:
+    """Returns a function without variables that cancel in it, as x does in (x - a) - x: it is no surface in them."""
+    short = expanded(f) if f.free and isinstance(f, Add) else None
+    return short if short is not None and len(short.free) < len(f.free) else f
 
 
 def _alternatives(g: Expr, kinks: Kinks) -> Alternatives | Where | None:

@@ -143,6 +143,18 @@ def test_shapes_by_distances(backend: str) -> None:
     assert list(slopes["t"]) == pytest.approx([*[2 * around - arc] * 2, arc, around - arc, 4 * r][few], rel=1e-9)
 
 
+def test_what_cancels_in_an_alternative_is_no_surface() -> None:
+    """Of |x - t| + |y| + |x + y| < r one alternative is x - t + y - (x + y) < r. The area of a polygon is quadratic, so differences are exact."""
+    r = teg.param("r")
+    polygon = teg.abs(X - T) + teg.abs(Y) + teg.abs(X + Y) < r
+    f = teg.compile(teg.integral(teg.bracket(polygon), (X, -1, 1), (Y, -1, 1)))
+    second = f.hessian(t=0.1, r=0.8)
+    for name, step in (("t", {"t": 0.01, "r": 0.0}), ("r", {"t": 0.0, "r": 0.01})):
+        above, below = (f.grad(t=0.1 + sign * step["t"], r=0.8 + sign * step["r"]) for sign in (1, -1))
+        for other in "tr":
+            assert second[other, name] == pytest.approx((above[other] - below[other]) / 0.02, abs=1e-11)
+
+
 def test_many_disks_by_their_distances() -> None:
     """Four overlapping disks as one minimum are what they are as alternatives."""
     rng = np.random.default_rng(1)
