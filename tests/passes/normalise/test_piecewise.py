@@ -144,7 +144,7 @@ def test_shapes_by_distances(backend: str) -> None:
 
 
 def test_what_cancels_in_an_alternative_is_no_surface() -> None:
-    """Of |x - t| + |y| + |x + y| < r one alternative is x - t + y - (x + y) < r. The area of a polygon is quadratic, so differences are exact."""
+    """Of |x - t| + |y| + |x + y| < r one alternative is x - t + y - (x + y) < r. Differences are exact, as the area is quadratic."""
     r = teg.param("r")
     polygon = teg.abs(X - T) + teg.abs(Y) + teg.abs(X + Y) < r
     f = teg.compile(teg.integral(teg.bracket(polygon), (X, -1, 1), (Y, -1, 1)))
