@@ -108,7 +108,7 @@ def test_formulas(jax_arrays: Arrays) -> None:
     same(xp, rules.is_wide, b, np.where(yes, b, c))
     same(xp, rules.rounding, np.minimum(b, c), np.maximum(b, c))
     same(xp, rules.null_rule_error, 10, random.normal(size=(6, 50)) * 10.0 ** random.uniform(-12, 0, (6, 50)), abs(b), yes)
-    same(xp, rules.tolerated, 1e-9, abs(b), abs(c))
+    same(xp, rules.tolerated, (1e-9, 1e-6), abs(b), abs(c))
     same(xp, rules.is_unseen, a, b, abs(c), a > b)
     same(xp, lambda m, *v: tuple(rules.ends_of_pieces(m, v[0], v[1], v[2:])), b, c, a, d)
     same(xp, lambda m, *v: tuple(pole_at(m, 2, v[:2], v[2], v[3:5], v[5])), np.minimum(b, c), np.maximum(b, c), d, b, c, yes)
