@@ -311,7 +311,11 @@ class _Matching:
             if any(len(v) != len(values[0]) for v in values):
                 raise Hopeless
             return tuple(self._args(entries) for entries in zip(*values, strict=True))
-        return None if values[0] is None else self.arg(tuple(values))
+        if any(v is None for v in values):
+            if any(v is not None for v in values):
+                raise Hopeless  # of an operand that only some of them have
+            return None
+        return self.arg(tuple(values))
 
     def _at(self, place: int, function: Callable[..., Any], *arguments: Any) -> Any:
         """The result of a function that may make statements in the block `place`."""

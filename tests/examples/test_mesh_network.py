@@ -208,7 +208,7 @@ def test_the_network_learns_and_a_resumed_run_ends_where_an_uninterrupted_one_do
 
     with pytest.raises(InputError, match="nothing to resume"):
         run_mesh_network(photo, epochs=8, out=tmp_path / "none", resume=True, **SMALL)
-    with pytest.raises(InputError, match="discontinuities was 'sift', is 'ignore'"):
+    with pytest.raises(InputError, match="discontinuities was 'exact', is 'ignore'"):
         run_mesh_network(photo, epochs=8, out=tmp_path / "parts", resume=True, discontinuities="ignore", **SMALL)
 
 
