@@ -46,6 +46,7 @@ def test_demo(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert (tmp_path / "cells.png").stat().st_size > 5000
 
 
+@pytest.mark.usefixtures("as_users_compile")  # as the process that is killed does
 def test_killed_after_a_step_and_resumed_it_ends_with_the_same_weights(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     words = [sys.executable, "-m", "teg", "demo", "voronoi", "--sites", "100", "--backend", "c", "-o", str(tmp_path)]
