@@ -73,7 +73,17 @@ OTHER = teg.integral(teg.exp(t * x), (x, 0, 1))
         (OTHER * teg.log(INNER), {INNER, OTHER}),
         (teg.where(t > 0, OTHER, 1 / (1 + teg.exp(INNER))), {INNER}),
     ],
-    ids=str,
+    ids=[
+        "alone",
+        "beside another",
+        "in a logarithm",
+        "in a root",
+        "in a denominator",
+        "a factor",
+        "a quotient",
+        "a factor of a logarithm",
+        "a branch",
+    ],
 )
 def test_digits_that_count_however_small(e: Expr, expected: set[Expr]) -> None:
     assert relative(postorder([e]), ()) == expected
