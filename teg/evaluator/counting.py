@@ -42,7 +42,7 @@ class Counting:
         if self._kernels is None:
             return ()
         call = read_call(self._leaves, {name: given[name] for name in self.names}, self._integers)
-        return tuple(int(found.max()) for found in self._kernels.results(VALUE, call, lambda: ["a length"] * len(self._ranges)))
+        return tuple(int(found.max(initial=0)) for found in self._kernels.results(VALUE, call, lambda: ["a length"] * len(self._ranges)))
 
     def bounded(self, counts: tuple[int, ...]) -> Expr:
         """Returns the program with ranges that are at most so long."""

@@ -140,6 +140,18 @@ def test_a_number_of_candidates_is_a_parameter() -> None:
     assert [f(values=at, t=0.25, n=m) for m in (0, 1, 2, 3)] == pytest.approx([0.0, 1.0, 2.0, 3.0], abs=1e-12)
     assert f(values=at, t=0.25, n=[3, 1]) == pytest.approx([3.0, 1.0], abs=1e-12)
     assert f(values=at, t=1.0, n=2) == pytest.approx(3.0, abs=1e-12)  # they overlap
+    assert f(values=at, t=[], n=np.zeros(0, int)).shape == (0,)
+
+
+def test_lists_in_lists() -> None:
+    """Intervals in common, of lists in a list: (0.15, 0.5) of the first two, and (0.7, 0.9)."""
+    j, inner = teg.index("j"), teg.indices("inner", 1)
+    near = teg.all((x - disks[j, 0]) ** 2 < disks[j, 2] ** 2, (j, inner[k], inner[k + 1]))
+    f = teg.compile(teg.integral(teg.bracket(teg.any(near, (k, first[0], first[1]))), (x, 0, 1)), [disks])
+    at = {"disks": np.array([[0.3, 0, 0.2], [0.35, 0, 0.2], [0.8, 0, 0.1]])}
+    assert f(first=[0, 2], inner=[0, 2, 3], **at) == pytest.approx(0.55, abs=1e-13)
+    assert f(first=[1, 2], inner=[0, 2, 3], **at) == pytest.approx(0.2, abs=1e-13)
+    assert f(first=[0, 2], inner=[0, 0, 3], **at) == pytest.approx(1.0, abs=1e-13)  # all of none
 
 
 def test_a_program_is_made_for_each_number_of_places(monkeypatch: pytest.MonkeyPatch) -> None:
