@@ -64,7 +64,10 @@ def partials(node: Call) -> list[Expr]:
             return [mul(const(0.5), integer_power(node, -1))]
         case "pow":
             k = node.children[1]
-            return [mul(k, call("pow", u, sub(k, ONE))), mul(call("log", u), node)]
+            by_exponent = mul(call("log", u), node)
+            if u is ZERO:  # a branch on which max(…, 0) is 0: there u^k·log(u) is 0, not 0·∞
+                by_exponent = where(positive(k), ZERO, by_exponent)
+            return [mul(k, call("pow", u, sub(k, ONE))), by_exponent]
         case "magnitude":
             return [where(positive(u), ONE, MINUS_ONE)]
         case "min" | "max":

@@ -168,8 +168,20 @@ def _without_function(g: Expr, partial: bool) -> Expr | None:
             continue
         if k % 2:
             return sub(roots[0], roots[1])
-        return mul(sub(roots[0], roots[1]), add(roots[0], roots[1]))
+        u, v, _ = without_denominators(roots[0], roots[1])  # so that 1 - (x/a)² has the surfaces of |x| < a
+        return mul(sub(u, v), add(u, v))
     return None
+
+
+def without_denominators(*terms: Expr) -> list[Expr]:
+    """Returns the terms times all of their denominators, each in its largest power, and the product of these."""
+    below: dict[Expr, int] = {}
+    for term in terms:
+        for f in _factors(term):
+            if isinstance(f, Pow) and f.exponent < 0:
+                below[f.base] = max(below.get(f.base, 0), -f.exponent)
+    product = mul(*(integer_power(base, k) for base, k in below.items()))
+    return [*(mul(term, product) for term in terms), product]
 
 
 def _without_logarithms(g: Add) -> Expr | None:

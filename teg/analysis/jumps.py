@@ -163,6 +163,6 @@ def surface_terms(body: Expr, surfaces: list[Expr]) -> list[tuple[Expr, Expr]]:
     terms = []
     for g in surfaces:
         j = jump(body, g)
-        if j is not ZERO and not vanishes_on(j, g) and not fades_at(j, g):
+        if j is not ZERO and not vanishes_on(j, g) and not fades_at(j, g) and not Poles(g).decays(j):
             terms.append((g, j))
     return terms

@@ -8,21 +8,58 @@ stay. A product without a known limit stays as it is: it is infinite or NaN at r
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from functools import cached_property
 from typing import cast
 
 from teg.analysis.calculus import slope
 from teg.analysis.coincidence import ZeroSet
 from teg.errors import NotDifferentiableError
-from teg.ir.expr import Add, Call, Expr, Mul, Pow, Var
-from teg.ir.node import Node
+from teg.ir.expr import ZERO, Add, Call, Const, Expr, Mul, Pow, Var, Where
+from teg.ir.node import Node, postorder
 from teg.ir.simplify import add, integer_power, mul
+from teg.ir.traverse import replace_node
 
 MAX_ORDER = 4
 """The highest order of a zero whose limits are taken."""
 
 ODD = frozenset(("sin", "tan", "asin", "atan", "sinh", "tanh", "erf", "expm1", "log1p", "magnitude"))
 """Functions that are 0 where their argument is 0."""
+
+
+TAME = frozenset(("sqrt", "root", "log", "log1p", "magnitude", "sin", "cos", "atan", "tanh", "erf", "erfc", "min", "max"))
+"""Functions that grow no faster than a power of their argument."""
+
+
+def is_square(e: Expr) -> bool:
+    """Returns whether an expression is written as one that is not negative: an even power, a power of a magnitude, a root."""
+    base = e.base if isinstance(e, Pow) else e
+    return (isinstance(e, Pow) and e.exponent % 2 == 0) or (isinstance(base, Call) and base.name in ("magnitude", "sqrt", "root", "exp"))
+
+
+def falls(e: Expr, is_pole: Callable[[Expr], bool], has_pole: Callable[[Expr], bool]) -> bool:
+    """Returns whether an expression certainly tends to -∞ at its poles, from all sides: `is_pole` is asked of factors, `has_pole` of
+    terms."""
+    terms = e.children if isinstance(e, Add) else (e,)
+    infinite = [t for t in terms if has_pole(t)]
+    return bool(infinite) and all(_sign_at_pole(t, is_pole) < 0.0 for t in infinite)
+
+
+def _sign_at_pole(term: Expr, is_pole: Callable[[Expr], bool]) -> float:
+    """Returns a number with the sign of a product beside its pole; 0 if it is not known, or is not the same on both sides."""
+    factors = term.children if isinstance(term, Mul) else ()
+    pole = next((f for f in factors if is_pole(f) and is_square(f)), None)
+    if pole is None:
+        return 0.0
+    base = cast(Pow, pole).base
+    null = base.children[0] if isinstance(base, Call) and base.name == "magnitude" else base
+    sign = 1.0
+    for f in factors:
+        at_pole = f if is_square(f) else replace_node(f, null, ZERO)
+        if not is_square(f):
+            sign *= math.copysign(float(at_pole.data != 0.0), at_pole.data) if isinstance(at_pole, Const) else 0.0
+    return sign
 
 
 class Poles:
@@ -42,8 +79,7 @@ class Poles:
         if not isinstance(e, Add | Mul | Pow):
             return False
         if e not in self._infinite:
-            pole = isinstance(e, Pow) and e.exponent < 0 and self._vanishes(e.base)
-            self._infinite[e] = pole or any([self.has(c) for c in e.children])
+            self._infinite[e] = self._is_pole(e) or any([self.has(c) for c in e.children])
         return self._infinite[e]
 
     def limit(self, node: Node) -> Node:
@@ -71,6 +107,30 @@ class Poles:
         except NotDifferentiableError:
             return node
         return mul(*others, numerator, integer_power(denominator, -1)) if n else node
+
+    def decays(self, e: Expr) -> bool:
+        """Returns whether an expression tends to 0 on the surface faster than every power, like exp(-1/u²)/u³."""
+        match e:
+            case Add():
+                return all([self.decays(c) for c in e.children])
+            case Where():
+                return self.decays(e.then) and self.decays(e.otherwise)
+            case Mul():
+                fast = [f for f in e.children if self.decays(f)]
+                return bool(fast) and not any(self._has_wild_function(f) for f in e.children if f not in fast)
+            case Pow():
+                return e.exponent > 0 and self.decays(e.base)
+            case Call(name="exp"):
+                return falls(e.children[0], self._is_pole, self.has)
+            case _:
+                return e is ZERO
+
+    def _is_pole(self, e: Expr) -> bool:
+        return isinstance(e, Pow) and e.exponent < 0 and self._vanishes(e.base)
+
+    def _has_wild_function(self, e: Expr) -> bool:
+        """Returns whether a function of a pole stands in an expression: it may grow faster than every power."""
+        return any(isinstance(n, Call) and n.name not in TAME and any(map(self.has, n.children)) for n in postorder([e]))
 
     def _leading(self, e: Expr) -> tuple[int, Expr]:
         """Returns the order of the zero of an expression, and its derivative of this order; the order is 0 if it is not known."""

@@ -28,11 +28,11 @@ from teg.analysis.evaluate import folded, values_of
 from teg.analysis.intervals import Enclosure, Interval
 from teg.analysis.polynomial import Degrees
 from teg.errors import NotDifferentiableError
-from teg.ir.expr import MINUS_ONE, ONE, ZERO, Call, Compare, Cond, Const, Expr, Param, Pow, Var, const
+from teg.ir.expr import MINUS_ONE, ONE, TRUE, ZERO, Call, Compare, Cond, Const, Expr, Param, Pow, Var, const
 from teg.ir.function import Apply
 from teg.ir.integral import ClosedForm, Integral, PointMasses
 from teg.ir.node import Node, postorder
-from teg.ir.simplify import add, call, div, integer_power, mul, positive, sub, where
+from teg.ir.simplify import add, call, conjunction, div, integer_power, mul, negation, positive, sub, where
 from teg.ir.traverse import fresh, rewrite_below, substitute
 from teg.program import UNSEEN
 
@@ -158,9 +158,10 @@ def _sharp_call(node: Call, x: Var, degrees: Degrees) -> Sharp | None:
             return Sharp(node, integer_power(add(ONE, integer_power(u, 2)), -1), u, ONE)
         case "pow":
             k = node.children[1]
-            if isinstance(k, Const) and -1.0 < k.data <= 2.0:
-                return None
-            return Sharp(node, node, u, None if x in k.free else k, power=True)
+            if x in k.free:
+                return Sharp(node, node, u, None, power=True)
+            tame = conjunction(positive(add(ONE, k)), negation(positive(sub(k, const(LARGE_POWER)))))
+            return None if tame is TRUE else Sharp(node, where(tame, ONE, node), u, k, power=True)
         case "sin" | "cos":
             return None if degrees.of(u, x) is not None else Sharp(node, ONE, u, None, wave=True)
         case _:

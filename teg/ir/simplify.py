@@ -147,6 +147,8 @@ def mul(*factors: Expr) -> Expr:
             powers[factor.base] = powers.get(factor.base, 0) + factor.exponent
         else:
             powers[factor] = powers.get(factor, 0) + 1
+    if ZERO in powers:
+        _settle_zeros(powers)
     if coefficient == 0.0:
         return const(math.nan) if powers.get(ZERO, 0) < 0 else ZERO  # 0/0, which a limit would decide
     kept: list[Expr] = [_integer_power(base, k) for base, k in powers.items() if k != 0]
@@ -154,6 +156,25 @@ def mul(*factors: Expr) -> Expr:
         kept.insert(0, const(coefficient))
     product = kept[0] if len(kept) == 1 else Mul.make(None, tuple(kept))
     return where(conjunction(*conditions), product, ZERO) if conditions else product
+
+
+def _settle_zeros(powers: dict[Expr, int]) -> None:
+    """Gives a product with a power of 0 its limit, in place, where another factor decides it: exp(c/0) is stronger than any power of 0, and
+    pow(0, k)·0ⁿ is pow(0, k + n)."""
+    for factor in powers:
+        if isinstance(factor, Call) and factor.name == "exp" and _has_pole_at_zero(factor.children[0]):
+            del powers[ZERO]
+            return
+        if isinstance(factor, Call) and factor.name == "pow" and factor.children[0] is ZERO and powers[factor] == 1:
+            n = powers.pop(ZERO)
+            del powers[factor]
+            powers[call("pow", ZERO, add(factor.children[1], const(n)))] = 1
+            return
+
+
+def _has_pole_at_zero(e: Expr) -> bool:
+    factors = e.children if isinstance(e, Mul) else (e,)
+    return any(isinstance(f, Pow) and f.base is ZERO and f.exponent < 0 for f in factors)
 
 
 def _integer_power(base: Expr, k: int) -> Expr:
@@ -265,13 +286,18 @@ def where(condition: Cond, then: Expr, otherwise: Expr) -> Expr:
         return otherwise
     if isinstance(condition, Not):
         condition, then, otherwise = condition.operand, otherwise, then
-    if isinstance(then, Where) and then.condition is condition:
+    if isinstance(then, Where) and _holds_with(then.condition, condition):
         then = then.then
     if isinstance(otherwise, Where) and otherwise.condition is condition:
         otherwise = otherwise.otherwise
     if otherwise is ZERO and isinstance(then, Where) and then.otherwise is ZERO:
         condition, then = conjunction(condition, then.condition), then.then
     return then if then is otherwise else Where.make(None, (condition, then, otherwise))
+
+
+def _holds_with(c: Cond, known: Cond) -> bool:
+    """Returns whether a condition holds where another one does, by their form: it is the same, or has it for an alternative."""
+    return c is known or (isinstance(c, Or) and known in c.children)
 
 
 def bracket(condition: Cond) -> Expr:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import mpmath
 import pytest
 
@@ -53,3 +55,19 @@ def test_the_slope_of_an_integral_is_refused() -> None:
 
 def test_conditions_are_in_no_value_position() -> None:
     assert value_children(teg.where(x < t, a, b)) == (a, b)
+
+
+@pytest.mark.usefixtures("x64_for_jax")
+@pytest.mark.parametrize("backend", ["numpy", "c", pytest.param("jax", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("k", [0.5, 1.0, 1.5, 4.2])
+def test_a_positive_part_to_a_power_that_is_a_parameter(k: float, backend: str) -> None:
+    """∫₀¹ max(x - t, 0)ᵏ = s^(k+1)/(k+1) with s = 1 - t. On the branch of 0 its derivative by k was 0·∞."""
+    f = teg.compile(teg.integral(teg.maximum(x - t, 0) ** b, (x, 0, 1)), [t, b], backend=backend)
+    value, gradient = f.value_and_grad(t=0.3, b=k)
+    s, n = 0.7, k + 1
+    whole, log = s**n / n, math.log(s)
+    assert value == pytest.approx(whole, rel=1e-9)
+    assert gradient == pytest.approx({"t": -(s**k), "b": whole * (log - 1 / n)}, rel=1e-9)
+    hessian = f.hessian(t=0.3, b=k)
+    expected = [k * s ** (k - 1), -(s**k) * log, -(s**k) * log, whole * ((log - 1 / n) ** 2 + 1 / n**2)]
+    assert list(hessian.values()) == pytest.approx(expected, rel=1e-8)

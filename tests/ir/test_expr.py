@@ -88,6 +88,9 @@ def test_free_variables() -> None:
         (teg.abs(const(-3)), const(3)),
         (teg.minimum(2, 3), const(2)),
         (teg.sign(const(-3)), const(-1)),
+        (teg.where(x < t, teg.where((x < t) | (x < a), a, x), 0), a * teg.bracket(x < t)),
+        (mul(teg.exp(div(a, ZERO)), div(x, ZERO)), teg.exp(div(a, ZERO)) * x),  # the limit: no power of 0 outweighs it
+        (mul(power(ZERO, a), power(ZERO, const(-2))), power(ZERO, a - 2)),
     ],
     ids=lambda e: str(e),
 )

@@ -25,6 +25,7 @@ from teg.passes.lower.inverse_erf import inverse_of_erf, inverse_of_erfc
 from teg.passes.lower.levels import Level, Truths
 from teg.passes.lower.rounding import Rounding
 from teg.passes.lower.scaled import ByExponents
+from teg.passes.lower.vanishing import Vanishing
 from teg.program import Arg, Assign
 from teg.program.operations import letter_of
 
@@ -52,6 +53,7 @@ class Emitter:
         self._binders: dict[Node, frozenset[Var]] = {}
         self._points = (Point("first"), Point("second"))
         self.ranges: Mapping[Var, Interval] = {}  # of the variables of outer integrals, if they are known in numbers
+        self._vanishing = Vanishing()
         self._by_exponents = ByExponents(lambda: {v: (_number(lo), _number(hi)) for v, (lo, hi) in self.ranges.items()})
 
     def fresh(self, kind: str) -> str:
@@ -136,7 +138,9 @@ class Emitter:
                 return self.sum(e, home)
             case Mul():
                 by_exponents = self._by_exponents.product(e, partial(self.home_of, level=home))
-                return self.product(e, home) if by_exponents is None else self.number(by_exponents, home)
+                result = self.product(e, home) if by_exponents is None else self.number(by_exponents, home)
+                small = self._vanishing.of(e)
+                return result if small is None else self._unless_vanished(small, result, home)
             case Pow() if e.exponent >= 3 and home.constants is not None:
                 return self._power_by_products(e, home)
             case Pow():
@@ -223,6 +227,11 @@ class Emitter:
             else:
                 total.append(self.number(term, home))
         return total[0] if len(total) == 1 else self.assign(home, "add", *total)
+
+    def _unless_vanished(self, small: Expr, product: Arg, home: Level) -> Arg:
+        """Returns a product, but its small factors where they are 0."""
+        factor = self.number(small, home)
+        return self.assign(home, "select", self.assign(home, "gt0", self.size_of(factor, home)), product, factor)
 
     def product(self, e: Mul, home: Level) -> Arg:
         """Returns a product. Factors are multiplied from the left, then divided by the denominators, then negated."""

@@ -21,7 +21,7 @@ from itertools import islice
 from typing import cast
 
 from teg.analysis.antiderivative import integrated
-from teg.analysis.coincidence import short_form
+from teg.analysis.coincidence import short_form, without_denominators
 from teg.analysis.expanded import shorter_form
 from teg.analysis.jumps import assign
 from teg.analysis.kinks import Extremes, Kinks, kinks_of, value_nodes
@@ -55,6 +55,7 @@ class Canonical:
     def __init__(self) -> None:
         self._points = (Point("first"), Point("second"))
         self._known: dict[int, Expr] = {}
+        self._scaled: dict[int, tuple[Expr, Expr]] = {}
         self._new: dict[Node, Node] = {}
         self._extremes = Extremes()
 
@@ -100,12 +101,11 @@ class Canonical:
             numerator, denominator = cleared(g)
             g = mul(numerator, denominator)
         sign, factors = _signed_factors(g)
-        if len(factors) == 0:
+        surfaces, sign = _without_squares([surface for factor in factors for surface in self._representatives(factor)], sign)
+        if not surfaces:
             return TRUE if sign > 0 or (sign == 0 and not strict) else FALSE
-        last = self._representative(factors[-1])
-        above, below = _side(last, strict, sign > 0), _side(last, strict, sign < 0)
-        for factor in reversed(factors[:-1]):
-            surface = self._representative(factor)
+        above, below = _side(surfaces[-1], strict, sign > 0), _side(surfaces[-1], strict, sign < 0)
+        for surface in reversed(surfaces[:-1]):
             plus, minus = _side(surface, strict, True), _side(surface, strict, False)
             above, below = (
                 disjunction(conjunction(plus, above), conjunction(minus, below)),
@@ -135,6 +135,28 @@ class Canonical:
         plus = positive(numerator, strict, resolution, atom.rivals)
         minus = negation(positive(numerator, not strict, negation(resolution), atom.rivals))
         return disjunction(conjunction(above, plus), conjunction(negation(above), minus))
+
+    def _representatives(self, g: Expr) -> list[tuple[Expr, bool]]:
+        """Returns the surfaces whose signs together are that of g: one met before, and the denominators in which g differs from it.
+
+        So 1 - x/a and a - x are one surface.
+        """
+        surface, same = self._representative(g)
+        if surface is not g or not isinstance(g, Add) or not g.free:
+            return [(surface, same)]
+        *terms, below = without_denominators(*g.children)
+        numerator = add(*terms) if below is not ex.ONE else g
+        first, second = (p.value(numerator) for p in self._points)
+        if not (first and second):
+            return [(surface, same)]
+        known, denominator = self._scaled.setdefault(divided(second, first), (g, below))
+        other = None if known is g else self._points[0].value(mul(known, denominator))
+        sign = sign_of_residue(divided(first, other)) if other else None
+        if sign is None or not known.free <= g.free:
+            return [(surface, same)]
+        signs = [_signed_factors(d) for d in (denominator, below)]
+        upward = math.prod(s for s, _ in signs) * sign > 0
+        return [(known, upward), *(self._representative(f) for _, factors in signs for f in factors)]
 
     def _representative(self, g: Expr) -> tuple[Expr, bool]:
         """Returns the expression that stands for the surface, and whether it has the sign of g."""
@@ -383,6 +405,17 @@ def _signed_factors(g: Expr) -> tuple[float, list[Expr]]:
         elif not _is_positive(e):
             factors.append(e)
     return sign, factors
+
+
+def _without_squares(surfaces: list[tuple[Expr, bool]], sign: float) -> tuple[list[tuple[Expr, bool]], float]:
+    """Returns the surfaces of a product without those that stand twice, whose signs cancel, and the sign that is left."""
+    kept: dict[Expr, bool] = {}
+    for surface, same in surfaces:
+        if surface in kept:
+            sign = sign if kept.pop(surface) == same else -sign
+        else:
+            kept[surface] = same
+    return list(kept.items()), sign
 
 
 def _is_positive(e: Expr) -> bool:

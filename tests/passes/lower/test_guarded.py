@@ -500,3 +500,20 @@ def test_a_hyperbola_over_the_plane_converges(backend: str) -> None:
 def test_a_peak_beside_an_end_is_found(scale: float, backend: str) -> None:
     f = teg.compile(integral(exp(-k / x) * k**2 / x**3, (x, 0, 1)), [], backend=backend, inaccurate="raise")
     assert f(k=scale) == pytest.approx((1 + scale) * math.exp(-scale), rel=1e-9)  # with u = k/x: ∫ u·exp(-u) du from k
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_power_that_is_a_parameter_is_not_narrow(backend: str) -> None:
+    """∫∫ max(1 - x² - y² - a, 0)ᵖ = π(1 - a)^(p+1)/(p+1). It took a minute, and its estimate was 56: only powers beyond 16, or of
+    poles, can hide between nodes."""
+    f = teg.compile(integral(teg.maximum(1 - x**2 - y**2 - a, 0) ** p, (x, -1, 1), (y, -1, 1)), [a, p], backend=backend)
+    for power in (0.5, 1.5, 2.5):
+        value, error = f.value_and_error(a=0.3, p=power)
+        assert value == pytest.approx(math.pi * 0.7 ** (power + 1) / (power + 1), rel=1e-10)
+        assert error < 1e-9
+
+
+def test_a_large_power_that_is_a_parameter_is_narrow() -> None:
+    f = teg.compile(integral((4 * x * (1 - x)) ** p, (x, 0, 1)), [p], backend="numpy")
+    for n in (10, 300, 40_000):
+        assert f(p=float(n)) == pytest.approx(beta(n), rel=1e-9)

@@ -113,3 +113,26 @@ def test_the_sign_of_a_product_of_three_factors() -> None:
     value, gradient = f.value_and_grad(p=0.2, q=0.5, t=0.7)
     assert value == pytest.approx(0.3 + 0.3, rel=1e-14)
     assert gradient == {"p": -1.0, "q": 1.0, "t": -1.0}
+
+
+@pytest.mark.parametrize("width", [0.4, -0.4])
+def test_surfaces_that_differ_by_a_denominator_are_one(width: float) -> None:
+    """1 - x/a > 0 is x < a for positive a, and x > a for negative a: a jump of both together is counted once."""
+    e = over(teg.bracket(x < a) * teg.bracket(1 - x / a > 0) * x**2)
+    assert surfaces(canonicalise(e)) == ["a", "a - x"]
+    value, gradient = teg.compile(e, backend="numpy").value_and_grad(a=width)
+    assert value == pytest.approx(width**3 / 3 if width > 0 else 0.0, rel=1e-14)
+    assert gradient["a"] == pytest.approx(width**2 if width > 0 else 0.0, rel=1e-14)
+
+
+def test_factors_that_cancel_but_for_a_denominator() -> None:
+    """(1 - x/a)(a - x) is a square divided by a: the product has the sign of (x - t)/a."""
+    e = over(teg.bracket((1 - x / a) * (a - x) * (x - t) > 0) * x**2)
+    for width, whole in ((0.6, (1 - 0.3**3) / 3), (-0.6, 0.3**3 / 3)):
+        value, gradient = teg.compile(e, backend="numpy").value_and_grad(a=width, t=0.3)
+        assert value == pytest.approx(whole, rel=1e-14)
+        assert gradient == pytest.approx({"a": 0.0, "t": -0.09 if width > 0 else 0.09}, rel=1e-14)
+
+
+def test_a_difference_of_squares_has_the_surfaces_of_a_distance() -> None:
+    assert surfaces(canonicalise(over(teg.bracket(((x - t) / a) ** 2 < 1) * teg.bracket(x - t < a)))) == ["a + x - t", "a - (x - t)"]

@@ -1,0 +1,112 @@
+"""Products 0·∞ beside the border of a smooth bump: values, gradients and Hessians against scaling laws, in every backend."""
+
+from __future__ import annotations
+
+import math
+import warnings
+
+import pytest
+
+import teg
+from teg.ir.expr import Mul
+from teg.passes.lower.vanishing import Vanishing
+
+pytestmark = pytest.mark.usefixtures("x64_for_jax")
+
+x, y = teg.vars("x y")
+t, a = teg.params("t a")
+BACKENDS = ["numpy", "c", pytest.param("jax", marks=pytest.mark.slow)]
+AT = {"t": 0.3, "a": 0.7}
+LINE, DISK = 0.4439938161680794, 0.4665123931783310
+"""∫ exp(-1/(1 - r²)) over |x| < 1, and over the unit disk: 50 digits of mpmath, rounded."""
+u = (x - t) / a
+
+
+def on_line(inside: teg.Cond, depth: teg.Expr) -> teg.Expr:
+    return teg.integral(teg.where(inside, teg.exp(-1 / depth), 0), (x, -2, 2))
+
+
+# The bump of width a around t in different words: its integral is a·LINE.
+BUMPS: dict[str, teg.Expr] = {
+    "by squares": on_line(u**2 < 1, 1 - u**2),
+    "by two conditions": on_line((x < t + a) & (x > t - a), 1 - u**2),
+    "with a factor in front": math.e * on_line(u**2 < 1, 1 - u**2) / math.e,
+    "a sum in the exponent": teg.integral(teg.where(u**2 < 1, teg.exp(2 - 1 / (1 - u**2)), 0), (x, -2, 2)) * math.exp(-2),
+}
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("case", BUMPS)
+def test_a_bump_on_a_line(case: str, backend: str) -> None:
+    """The gradient was NaN where the border had other words than the exponent, and all Hessians were."""
+    check(BUMPS[case], LINE, backend)
+
+
+@pytest.mark.slow
+def test_a_bump_over_an_ellipse() -> None:
+    """Nodes beside the border are on it but for rounding: there the exponential is 0, and the power beside it was infinite."""
+    e = teg.integral(teg.where(u**2 + y * y < 1, teg.exp(-1 / (1 - u**2 - y * y)), 0), (x, -2, 2), (y, -2, 2))
+    value, gradient = teg.compile(e, [t, a], backend="c").value_and_grad(**AT)
+    assert value == pytest.approx(AT["a"] * DISK, rel=1e-10)
+    assert gradient == pytest.approx({"t": 0.0, "a": DISK}, rel=1e-9, abs=1e-11)
+
+
+def check(e: teg.Expr, unit: float, backend: str) -> None:
+    """Compares an integral with a·unit."""
+    f = teg.compile(e, [t, a], backend=backend)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        value, gradient = f.value_and_grad(**AT)
+        hessian = f.hessian(**AT)
+    assert value == pytest.approx(AT["a"] * unit, rel=1e-11)
+    assert gradient == pytest.approx({"t": 0.0, "a": unit}, rel=1e-10, abs=1e-12)
+    assert list(hessian.values()) == pytest.approx([0.0] * 4, abs=1e-10)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("power", [1, 2, 3])
+def test_one_sided_steps(power: int, backend: str) -> None:
+    """∫ exp(-1/(x - t)ᵏ) from t to 1 has the slope -f(1), and so on: what happens at t does not count."""
+    f = teg.compile(teg.integral(teg.where(x > t, teg.exp(-1 / (x - t) ** power), 0), (x, 0, 1)), backend=backend)
+    end = math.exp(-1 / 0.7**power)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert f.grad(t=0.3)["t"] == pytest.approx(-end, rel=1e-9)
+        assert f.hessian(t=0.3)["t", "t"] == pytest.approx(end * power / 0.7 ** (power + 1), rel=1e-9)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_step_with_a_rate(backend: str) -> None:
+    """The sign of the rate is not known when the program is compiled. √π/2·… by substitution of 1/(x - t)."""
+
+    def closed(rate: float, length: float) -> float:
+        """∫₀ˡ exp(-c/u²) du = l·exp(-c/l²) - √(πc)·erfc(√c/l)."""
+        return length * math.exp(-rate / length**2) - math.sqrt(math.pi * rate) * math.erfc(math.sqrt(rate) / length)
+
+    f = teg.compile(teg.integral(teg.where(x > t, teg.exp(-a / (x - t) ** 2), 0), (x, 0, 1)), backend=backend)
+    rate, length, end = 0.5, 0.7, math.exp(-0.5 / 0.49)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        value, gradient = f.value_and_grad(t=0.3, a=rate)
+        hessian = f.hessian(t=0.3, a=rate)
+    assert value == pytest.approx(closed(rate, length), rel=1e-9)
+    by_rate = -0.5 * math.sqrt(math.pi / rate) * math.erfc(math.sqrt(rate) / length)
+    assert gradient == pytest.approx({"t": -end, "a": by_rate}, rel=1e-9)
+    assert hessian["t", "t"] == pytest.approx(2 * rate / length**3 * end, rel=1e-9)
+    assert hessian["t", "a"] == hessian["a", "t"] == pytest.approx(end / length**2, rel=1e-9)
+
+
+def found(e: teg.Expr) -> teg.Expr | None:
+    assert isinstance(e, Mul)
+    return Vanishing().of(e)
+
+
+def test_only_products_that_may_be_zero_times_infinity() -> None:
+    size = teg.ir.simplify.call("magnitude", x - t)
+    decaying = teg.exp(-1 / size)
+    assert found(decaying / size**2) is decaying
+    assert found((1 + decaying) / size) is not None  # a sum that holds one
+    assert found(decaying * x) is None
+    assert found(teg.exp(1 / size) / size) is None
+    assert found(teg.exp(-size) / size) is None
+    assert found(teg.exp(-1 / a**2) / size) is None
