@@ -10,19 +10,20 @@ breaks, the sharp value is one of the outer variable alone: a ridge that leaves 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import cast
 
 from teg.analysis.breaks import BreakAnalysis
+from teg.analysis.coincidence import ZeroSet
 from teg.analysis.endless import bound_to_infinity
 from teg.analysis.intervals import Enclosure, Interval
 from teg.analysis.polynomial import Degrees
 from teg.analysis.sharp import LARGEST, Sharp, bounds, numeric_range, range_of, sharp_value, sharp_values, sizes, tame_ones
 from teg.analysis.surfaces import binders_inside
 from teg.analysis.tails import is_unbounded
-from teg.ir.expr import ZERO, Compare, Const, Expr, Var, Where, const
+from teg.ir.expr import ZERO, Call, Compare, Const, Expr, Pow, Var, Where, const
 from teg.ir.integral import Integral, outermost_integrals
 from teg.ir.node import Node, postorder
 from teg.ir.simplify import mul, positive, sub, where
@@ -169,11 +170,13 @@ class Guards:
         return found
 
     def _faces(self, peak: Peak, x: Var) -> Iterator[Sharp]:
-        """Yields a sharp value at both ends of the range of the only integral around it, and at its breaks with a formula."""
+        """Yields a sharp value at both ends of the range of the only integral around it, and at its breaks with a formula that are no poles
+        of it."""
         if len(peak.path) != 1:
             return
         (inner,) = peak.path
-        breaks = [b.then if isinstance(b, Where) else b for b in self.analysis.of(inner).points]
+        known = self.analysis.of(inner)
+        breaks = [] if _has_pole_on(peak.node, inner.var, known.handled) else [b.then if isinstance(b, Where) else b for b in known.points]
         for end in [inner.lo, inner.hi, *breaks][:MAX_FACES]:
             if not (isinstance(end, Const) and math.isinf(end.data)):
                 node = cast(Expr, substitute(peak.node, {inner.var: end}))
@@ -213,6 +216,13 @@ class _OnPiece:
             inside.names[positive(side)] = truths
             levels.append(inside)
         return levels
+
+
+def _has_pole_on(e: Expr, x: Var, surfaces: Iterable[Expr]) -> bool:
+    """Returns whether a denominator in e is 0 on one of the surfaces, so that e has no value at the breaks there."""
+    below = [n.base for n in postorder([e]) if isinstance(n, Pow) and n.exponent < 0 and x in n.base.free]
+    bare = {b.children[0] if isinstance(b, Call) and b.name == "magnitude" else b for b in below}
+    return bool(bare) and any(ZeroSet(g).annuls(cast(Expr, b)) for g in surfaces if x in g.free for b in bare)
 
 
 def _variables(level: Level | None) -> Iterator[Var]:
