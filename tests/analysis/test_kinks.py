@@ -33,6 +33,16 @@ def test_many_minima_and_maxima_in_one_condition() -> None:
     assert gradient["p"] == pytest.approx(-(1 - 0.3) / 2 + 0.3 / 4, rel=1e-12)
 
 
+def test_roofs_written_as_branches() -> None:
+    """-|y - q| as a branch: the integral of u = t - Σ |y - q|/4 over y is t - Σ (q² + (1 - q)²)/8, and below x = u stands 2 more."""
+    places = (p, 0.5, 0.6, 0.8)
+    roofs = sum(teg.where(y < q, y - q, -(y - q)) for q in places) / 4
+    f = teg.compile(teg.integral(teg.bracket(x < t + roofs), (x, -2, 2), (y, 0, 1)), [t, p], backend="numpy")
+    value, gradient = f.value_and_grad(t=0.4, p=0.3)
+    assert value == pytest.approx(2.4 - sum(q**2 + (1 - q) ** 2 for q in (0.3, 0.5, 0.6, 0.8)) / 8, rel=1e-12)
+    assert gradient == pytest.approx({"t": 1.0, "p": (1 - 2 * 0.3) / 4}, rel=1e-12)
+
+
 def folded(depth: int, x: object, t: object, least: Callable[..., Any], most: Callable[..., Any]) -> Any:
     """Returns a function that is bent and cut `depth` times."""
     e: Any = x + t  # type: ignore[operator]

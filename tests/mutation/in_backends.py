@@ -87,7 +87,7 @@ IN_BACKENDS: tuple[Mutant, ...] = (
         "backends/jax/adaptive.py",
         (KERNEL_IN_JAX, JAX),
         ("intervals that are halved", "sums=jnp.where(done, at.sums + total, at.sums)", "sums=at.sums + total"),
-        ("the next interval", "width=jnp.where(done, start & -start, halved)", "width=jnp.where(done, at.width, halved)"),
+        ("the next interval", "width=jnp.where(done, start & -start, halved)", "width=jnp.where(done, 2 * at.width, halved)"),
     ),
     *mutants(
         "backends/jax/while_loops.py",

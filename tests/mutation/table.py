@@ -27,7 +27,7 @@ MUTANTS: tuple[Mutant, ...] = (
         ("other branch around sums", "(where(e.condition, ZERO, ONE), e.otherwise)", "(where(e.condition, ONE, ZERO), e.otherwise)"),
         ("other branch around sums left out", "if branch is not ZERO:", "if branch is e.then:"),
         ("factor around sums", "stack.append((chain, mul(factor, others), cast", "stack.append((chain, others, cast"),
-        ("last term of a sum", "for i in range(s.lo.data, s.hi.data)", "for i in range(s.lo.data, s.hi.data - 1)"),
+        ("last term of a sum", "for j in range(most):", "for j in range(most - 1):"),
     ),
     *mutants(
         "teg/passes/normalise/too_many_steps.py",

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.durations import lines, quick
+from tests.durations import ALONE, lines, quick
 
 TESTS = Path(__file__).parents[1]
 
@@ -32,6 +32,14 @@ def test_a_file_has_two_quick_tests_and_a_slow_function_one_line() -> None:
 
 
 @pytest.mark.parametrize("name", ["slow.txt", "thorough.txt"])
+def test_no_list_has_a_test_that_alone_notices_a_change(name: str) -> None:
+    """Neither by itself nor by its function."""
+    listed = set((TESTS / name).read_text().splitlines())
+    cases = {line for line in ALONE if not line.startswith("#")}
+    assert not (cases | {case.partition("[")[0] for case in cases}) & listed
+
+
+@pytest.mark.parametrize("name", ["slow.txt", "thorough.txt", "mutation/alone.txt"])
 def test_listed_tests_are_there(name: str) -> None:
     listed = [line for line in (TESTS / name).read_text().splitlines() if not line.startswith("#")]
     assert listed == sorted(set(listed))

@@ -102,6 +102,15 @@ def test_a_surface_with_kinks_is_carried_along() -> None:
     assert f.hessian(t=1.1)["t", "t"] == pytest.approx(float(mpmath.quad(second, [0, *kinks, 1])), rel=1e-9)
 
 
+@pytest.mark.parametrize("slopes", [{0.3: 0.5}, {0.3: 0.5, 0.6: 0.3, 0.8: 0.2}], ids=["one kink", "three kinks"])
+def test_a_delta_is_carried_along_with_a_surface_with_kinks(slopes: dict[float, float]) -> None:
+    """∫∫ δ(t - x - k(y))·x² dx dy is ∫ (t - k)² dy, whose derivative is 2·t - 2·∫k. The velocity jumps at each kink, x² at none."""
+    fold = sum(s * teg.abs(y - p) for p, s in slopes.items())
+    e = teg.integral(teg.delta(t - x - fold) * x**2, (x, -2, 2), (y, 0, 1))
+    exact = 2 * 0.9 - sum(s * (p**2 + (1 - p) ** 2) for p, s in slopes.items())
+    assert teg.evaluate(d(e), {t: 0.9}) == pytest.approx(exact, rel=1e-13)
+
+
 FOLDED = {
     # weight, and second derivatives by (t, t), (t, a) and (a, a); with numbers l and r left and right of t the integral is
     # l·t·(a + 0.2) + r·(0.3·a + 0.035)
