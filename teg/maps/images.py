@@ -224,10 +224,12 @@ def _enclosure(m: Diffeomorphism, u: Var, ranges: dict[Var, Interval]) -> Interv
     unbounded = [not _may_be_finite(e) for e in ends]
     ends = [mine if free else stated for mine, free, stated in zip(derived, unbounded, ends, strict=True)]
     if not all(_may_be_finite(e) and _is_finite_somewhere(e, m) for e in ends):
+        endless = not all(_may_be_finite(folded(e)) for ends in ranges.values() for e in ends)
+        where = "all places where the integrand is not 0, as an integral reaches to infinity" if endless else "the image"
         raise BoundError(
             f"finite bounds of {u.name} = {m.inverse[u]} cannot be derived from those of the integrals",
             m,
-            f"give a box that holds the image: bounds={{{u.name}: (lower, upper), …}}",
+            f"give a box that holds {where}: bounds={{{u.name}: (lower, upper), …}}, or .with_bounds(…) of the map",
         )
     return _rounded(ends[0], ends[1], unbounded) if any(unbounded) else (ends[0], ends[1])
 

@@ -9,7 +9,7 @@ import pytest
 
 import teg
 from teg import Diffeomorphism, bracket, integral
-from teg.errors import DiffeomorphismError
+from teg.errors import BoundError, DiffeomorphismError
 
 x, y, r, p, u = teg.vars("x y r p u")
 t, a = teg.params("t a")
@@ -70,3 +70,31 @@ def test_the_first_call_finds_a_hole_of_three_percent() -> None:
     assert f(t=2.0, a=0.9) == pytest.approx(0.9 + 0.405, rel=1e-12)
     with pytest.raises(DiffeomorphismError, match="beyond its domain"):
         f(t=2.0, a=np.array([0.9, 1.0]))
+
+
+PLANE = [((x, lo, math.inf), (y, below, math.inf), share) for lo, below, share in ((-math.inf, -math.inf, 1), (0, -math.inf, 2), (0, 0, 4))]
+
+
+@pytest.mark.parametrize("backend", ["numpy", "c"])
+@pytest.mark.parametrize(("over_x", "over_y", "share"), PLANE, ids=["plane", "half", "quarter"])
+def test_a_map_of_an_integral_to_infinity(over_x: tuple[object, ...], over_y: tuple[object, ...], share: int, backend: str) -> None:
+    """∫∫ [x² + y² < t]·exp(-x² - y²) = π(1 - e⁻ᵗ), in a box of the map that holds the disk."""
+    e = integral(bracket(x * x + y * y < t) * teg.exp(-x * x - y * y), over_x, over_y)
+    f = teg.compile(e, [t], maps=[teg.polar(x, y, r, p).with_bounds({r: (0, 2)})], backend=backend)
+    value, gradient = f.value_and_grad(t=0.7)
+    assert value == pytest.approx(math.pi / share * -math.expm1(-0.7), rel=1e-9)
+    assert gradient["t"] == pytest.approx(math.pi / share * math.exp(-0.7), rel=1e-9)
+
+
+def test_a_box_that_cuts_an_integral_to_infinity() -> None:
+    e = integral(bracket(x * x + y * y > t) * teg.exp(-x * x - y * y), (x, -math.inf, math.inf), (y, -math.inf, math.inf))
+    f = teg.compile(e, [t], maps=[teg.polar(x, y, r, p).with_bounds({r: (0, 2)})])
+    with pytest.raises(DiffeomorphismError, match="beyond its bounds"):
+        f.grad(t=0.7)
+
+
+def test_infinite_bounds_need_a_box() -> None:
+    e = integral(bracket(x * x + y * y < t), (x, -math.inf, math.inf), (y, -math.inf, math.inf))
+    with pytest.raises(BoundError, match=r"cannot be derived") as caught:
+        teg.compile(e, [t], maps=[teg.polar(x, y, r, p)], backend="numpy").grad(t=0.7)
+    assert "with_bounds" in str(caught.value)
