@@ -110,27 +110,31 @@ class Poles:
 
     def decays(self, e: Expr) -> bool:
         """Returns whether an expression tends to 0 on the surface faster than every power, like exp(-1/u²)/u³."""
-        match e:
-            case Add():
-                return all([self.decays(c) for c in e.children])
-            case Where():
-                return self.decays(e.then) and self.decays(e.otherwise)
-            case Mul():
-                fast = [f for f in e.children if self.decays(f)]
-                return bool(fast) and not any(self._has_wild_function(f) for f in e.children if f not in fast)
-            case Pow():
-                return e.exponent > 0 and self.decays(e.base)
-            case Call(name="exp"):
-                return falls(e.children[0], self._is_pole, self.has)
-            case _:
-                return e is ZERO
+        order = postorder([e])
+        if not any(isinstance(n, Call) and n.name == "exp" for n in order):
+            return False
+        wild: dict[Node, bool] = {}  # may grow faster than every power
+        fast: dict[Node, bool] = {}
+        for node in order:
+            parts = node.children[1:] if isinstance(node, Where) else node.children
+            wild[node] = any([wild[c] for c in parts]) or (
+                isinstance(node, Call) and node.name not in TAME and any(map(self.has, node.children))
+            )
+            match node:
+                case Add() | Where():
+                    fast[node] = all([fast[c] for c in parts])
+                case Mul():
+                    fast[node] = any([fast[c] for c in parts]) and not any([wild[c] for c in parts if not fast[c]])
+                case Pow():
+                    fast[node] = node.exponent > 0 and fast[node.base]
+                case Call(name="exp"):
+                    fast[node] = falls(node.children[0], self._is_pole, self.has)
+                case _:
+                    fast[node] = node is ZERO
+        return fast[e]
 
     def _is_pole(self, e: Expr) -> bool:
         return isinstance(e, Pow) and e.exponent < 0 and self._vanishes(e.base)
-
-    def _has_wild_function(self, e: Expr) -> bool:
-        """Returns whether a function of a pole stands in an expression: it may grow faster than every power."""
-        return any(isinstance(n, Call) and n.name not in TAME and any(map(self.has, n.children)) for n in postorder([e]))
 
     def _leading(self, e: Expr) -> tuple[int, Expr]:
         """Returns the order of the zero of an expression, and its derivative of this order; the order is 0 if it is not known."""

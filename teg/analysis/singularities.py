@@ -189,12 +189,12 @@ def singular_arguments(e: Expr) -> list[Expr]:
         if isinstance(node, Call) and is_singular(node):
             argument = node.children[0]
             whole = sub(ONE, integer_power(argument, 2)) if node.name in ("asin", "acos") else argument
-            arguments.update(dict.fromkeys(_factors(whole)))
+            arguments.update(dict.fromkeys(factors_of(whole)))
         stack.extend(node.children[1:] if isinstance(node, Where) else node.children)
     return list(arguments)
 
 
-def _factors(argument: Expr) -> list[Expr]:
+def factors_of(argument: Expr) -> list[Expr]:
     """Returns the factors whose zeros are the zeros of an argument; those of both branches for a `where`."""
     factors: list[Expr] = []
     stack: list[Expr] = [argument]

@@ -16,14 +16,14 @@ from itertools import pairwise
 from typing import cast
 
 from teg.analysis.breaks import BreakAnalysis
-from teg.analysis.coincidence import ZeroSet
 from teg.analysis.endless import bound_to_infinity
 from teg.analysis.intervals import Enclosure, Interval
 from teg.analysis.polynomial import Degrees
 from teg.analysis.sharp import LARGEST, Sharp, bounds, numeric_range, range_of, sharp_value, sharp_values, sizes, tame_ones
+from teg.analysis.singularities import Keys, factors_of
 from teg.analysis.surfaces import binders_inside
 from teg.analysis.tails import is_unbounded
-from teg.ir.expr import ZERO, Call, Compare, Const, Expr, Pow, Var, Where, const
+from teg.ir.expr import ZERO, Compare, Const, Expr, Pow, Var, Where, const
 from teg.ir.integral import Integral, outermost_integrals
 from teg.ir.node import Node, postorder
 from teg.ir.simplify import mul, positive, sub, where
@@ -220,9 +220,10 @@ class _OnPiece:
 
 def _has_pole_on(e: Expr, x: Var, surfaces: Iterable[Expr]) -> bool:
     """Returns whether a denominator in e is 0 on one of the surfaces, so that e has no value at the breaks there."""
+    keys = Keys()
     below = [n.base for n in postorder([e]) if isinstance(n, Pow) and n.exponent < 0 and x in n.base.free]
-    bare = {b.children[0] if isinstance(b, Call) and b.name == "magnitude" else b for b in below}
-    return bool(bare) and any(ZeroSet(g).annuls(b) for g in surfaces if x in g.free for b in bare)
+    poles = {keys.of(factor) for base in below for factor in factors_of(base)}
+    return bool(poles) and any(keys.of(g) in poles for g in surfaces)
 
 
 def _variables(level: Level | None) -> Iterator[Var]:
