@@ -83,7 +83,7 @@ def _share_zeros(f: Expr, g: Expr, v: Var) -> bool:
 class ZeroSet:
     """Random points of the surface g = 0. All symbols but one get random values; the remaining one is solved for in the field.
 
-    A symbol in which g is affine is preferred, then a variable in which g is a polynomial of low degree.
+    A variable in which g is affine is preferred, then a parameter, then a variable in which g is a polynomial of low degree.
     """
 
     def __init__(self, g: Expr) -> None:
@@ -106,10 +106,10 @@ def _places_on(g: Expr) -> tuple[tuple[str, Expr, int], ...]:
 
     Kept for the next time: one surface is compared with all others of its integrals.
     """
-    symbols = [n for n in postorder([g]) if isinstance(n, Var | Param)]
+    symbols = sorted((n for n in postorder([g]) if isinstance(n, Var | Param)), key=lambda n: isinstance(n, Param))
     for pivot in symbols:
         places = [(trial, pivot, _affine_zero(g, pivot, trial)) for trial in ("0", "1")]
-        if all(place is not None for _, _, place in places):
+        if all(place is not None for _, _, place in places) and not _is_everywhere(g, *places[0]):
             return cast("tuple[tuple[str, Expr, int], ...]", tuple(places))
     for v in symbols:
         if isinstance(v, Var) and 2 <= (Shadow((v,)).degree(g) or 0) <= MAX_ROOT_DEGREE:
@@ -124,6 +124,14 @@ def _affine_zero(g: Expr, pivot: Expr, trial: str) -> int | None:
     if zero is None or one is None or two is None or (two - 2 * one + zero) % P or (one - zero) % P == 0:
         return None
     return divided(-zero, one - zero)
+
+
+def _is_everywhere(g: Expr, trial: str, pivot: Expr, place: int | None) -> bool:
+    """Returns whether g is 0 there whatever its variables are, as a·(y - b) is at a = 0: that is no point of the surface."""
+    if not g.free or isinstance(pivot, Var):
+        return False
+    others = {v: Point(trial + " moved").value(v) for v in g.free}
+    return Point(trial, {pivot: cast(int, place), **{v: cast(int, k) for v, k in others.items()}}).value(g) == 0
 
 
 def _coefficients(g: Expr, v: Var, salt: str = "") -> list[int]:
