@@ -64,10 +64,7 @@ def partials(node: Call) -> list[Expr]:
             return [mul(const(0.5), integer_power(node, -1))]
         case "pow":
             k = node.children[1]
-            by_exponent = mul(call("log", u), node)
-            if u is ZERO:  # a branch on which max(…, 0) is 0: there u^k·log(u) is 0, not 0·∞
-                by_exponent = where(positive(k), ZERO, by_exponent)
-            return [mul(k, call("pow", u, sub(k, ONE))), by_exponent]
+            return [mul(k, call("pow", u, sub(k, ONE))), _by_exponent(node, u, k)]
         case "magnitude":
             return [where(positive(u), ONE, MINUS_ONE)]
         case "min" | "max":
@@ -81,6 +78,12 @@ def partials(node: Call) -> list[Expr]:
             return [ONE, mul(MINUS_ONE, call("floor", div(u, node.children[1])))]
         case _:
             raise AssertionError(f"no derivative is known for {node.name}")
+
+
+def _by_exponent(power: Call, u: Expr, k: Expr) -> Expr:
+    """Returns ∂uᵏ/∂k. On a branch where u is 0, like that of max(x, 0), it is 0 for positive k, and not 0·∞."""
+    rate = mul(call("log", u), power)
+    return where(positive(k), ZERO, rate) if u is ZERO else rate
 
 
 def steps_error(floor: Call, inside: Node) -> NotDifferentiableError:
