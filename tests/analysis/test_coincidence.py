@@ -275,7 +275,7 @@ def test_a_factor_without_variables_is_no_surface() -> None:
 @pytest.mark.usefixtures("x64_for_jax")
 @pytest.mark.parametrize("backend", ["numpy", "c", pytest.param("jax", marks=pytest.mark.slow)])
 def test_second_derivatives_where_a_surface_has_a_factor_without_variables(backend: str) -> None:
-    """On x = s the line t·x = s·y is s·(y - t) = 0. Its jump has the factor s, and was taken for 0 on it: 1.80 for -0.019, without a warning.
+    """On x = s the line t·x = s·y is s·(y - t) = 0. Its jump has the factor s, and was taken for 0 on it: 1.80 for -0.019.
 
     ∂∂/∂s∂t of ∫ eʸ·(min(s, s·y/t) + 1) dy over (-1, 1) is -((t - 1)·eᵗ + 2/e)/t².
     """
