@@ -22,7 +22,7 @@ from teg.ir.integral import Integral
 from teg.ir.node import Node, postorder
 from teg.ir.simplify import add, call, conjunction, disjunction, mul, positive, tuple_of, where
 from teg.ir.traverse import parameters
-from teg.passes.normalise.cuts import cut_angles, linear_in_angle
+from teg.passes.normalise.cuts import cut_angles
 
 NO_NUMBER = const(float("nan"))
 TRIALS, SAME = 64, 1e-9
@@ -69,11 +69,7 @@ class MissedCuts:
 
 
 def _missed(g: Expr) -> list[Call]:
-    """Returns the angles in a condition whose cut counts: not that of θ² < t or r < cos 5θ, which is none, nor one that stays in θ < t,
-    whose roots have formulas."""
-    _, angle, rest = linear_in_angle(g)
-    if not g.free or (angle is not None and not rest.free and not parameters(angle.children[0])):
-        return []
+    """Returns the angles in a condition whose cut counts: not that of θ² < t or r < cos 5θ, which is none."""
     return [a for a in cut_angles(g) if any(_differs(part, a) for part in _parts(g, a))]
 
 
