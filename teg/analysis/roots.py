@@ -17,7 +17,7 @@ from teg.analysis.expanded import shorter_form
 from teg.analysis.polynomial import Degrees, Shadow
 from teg.errors import NotDifferentiableError
 from teg.ir import expr as ex
-from teg.ir.expr import MINUS_ONE, ONE, TRUE, ZERO, Add, Call, Cond, Const, Expr, HalfAngle, Mul, Param, Pow, Truth, Var, Where, const
+from teg.ir.expr import MINUS_ONE, ONE, TRUE, ZERO, Add, Call, Cond, Const, Expr, Mul, Param, Pow, Truth, Var, Where, const
 from teg.ir.node import Node, postorder
 from teg.ir.simplify import add, call, conjunction, disjunction, div, integer_power, mul, negation, positive, sub, where
 from teg.ir.traverse import fresh, parameters, replace_node, size, substitute
@@ -353,23 +353,15 @@ def _preimages(f: Call | Pow, c: Expr, x: Var, lo: Expr, hi: Expr) -> tuple[list
         certain = broken or (isinstance(u, Var) and all(isinstance(b, Const) and b.data >= 0.0 for b in (lo, hi)))
         above = sub(u, call("pow", c, integer_power(k, -1))), conjunction(positive(c, strict=False), _not_zero(k))
         return [above] if certain or k.free else [above, _below(u, k, c)], certain or not k.free
-    if f.name == "atan2":  # the half-line at the angle c; on the cut the sign changes without a root
+    if f.name == "atan2":  # the half-line at the angle c
         b, a, s, k = u, f.children[1], call("sin", c), call("cos", c)
-        return [(sub(mul(b, k), mul(a, s)), positive(add(mul(a, k), mul(b, s))))], not has_cut(f)
+        return [(sub(mul(b, k), mul(a, s)), positive(add(mul(a, k), mul(b, s))))], True
     if f.name in ("sin", "cos", "tan"):
         return _periodic_preimages(f.name, u, c, x, lo, hi)
     inverse = _INVERSES.get(f.name)
     if inverse is None:
         return None
     return [(sub(u, v), exists) for v, exists in inverse(c)], True
-
-
-def has_cut(e: Node) -> bool:
-    """Returns whether an expression is an angle whose cut, where the first argument is 0 and the second negative, may be met."""
-    if not isinstance(e, Call) or e.name != "atan2" or isinstance(e, HalfAngle):
-        return False
-    v, u = e.children
-    return bool(v.free) and not (isinstance(u, Const) and u.data > 0.0)
 
 
 def _below(u: Expr, k: Expr, c: Expr) -> tuple[Expr, Cond]:

@@ -3,8 +3,8 @@
     [θ(x)² + sin x·θ(x) > t]       with θ = atan2(v, u), which jumps where v = 0 and u < 0
 
 A condition on an angle beside affine terms is half-planes (`teg.passes.normalise.cuts`), so its cut is a surface. In any other condition
-the cut is none: roots on it are no roots of the condition, and its own boundary term is missing. Values are right, since integrals
-search for the change of the condition; derivatives by the condition's parameters are not known if bounds of v and u over the box, taken
+the cut is none: roots on it are no roots of the condition, and its own boundary term is missing. Values are right, since cuts are
+breaks of integrals; derivatives by the condition's parameters are not known if bounds of v and u over the box, taken
 at run time, allow the cut. Linear.
 """
 

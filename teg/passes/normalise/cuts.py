@@ -20,8 +20,7 @@ import math
 from typing import cast
 
 from teg.analysis.polynomial import Shadow
-from teg.analysis.roots import has_cut
-from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Call, Compare, Cond, Const, Expr, HalfAngle, Mul, Pow, const
+from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Call, Compare, Cond, Const, Expr, HalfAngle, Mul, Pow, const, has_cut
 from teg.ir.node import Node, postorder
 from teg.ir.simplify import add, call, conjunction, disjunction, div, half_angle, mul, negation, positive, sub, where
 from teg.ir.traverse import parameters, rebuild

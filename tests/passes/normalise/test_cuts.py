@@ -146,13 +146,31 @@ def test_a_cut_that_stays(condition: teg.Expr, limit: float, slope: float | None
 
 @pytest.mark.parametrize("reverse", [False, True], ids=["xy", "yx"])
 def test_steps_of_an_angle(reverse: bool) -> None:
-    """The remainders of angles in a disk: ½a·∫(θ - ⌊θ⌋) dθ. With y inside this was 0 for 1.5 in a box."""
+    """The remainders of angles in a disk: ½a·∫(θ - ⌊θ⌋) dθ. With y inside the value was wrong, without a warning."""
     ranges = [(x, -1, 1), (y, -1, 1)]
     body = teg.mod(phi, 1.0) * teg.bracket(x * x + y * y < a)
     f = teg.compile(teg.integral(body, *(ranges[::-1] if reverse else ranges)), [a])
     mean = 0.5 * (1 - (4 - math.pi) ** 2) + 3 + 0.5 * (math.pi - 3) ** 2
     assert f(a=0.5) == pytest.approx(0.25 * mean, rel=1e-9)
     assert f.grad(a=0.5)["a"] == pytest.approx(0.5 * mean, rel=1e-9)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("reverse", [False, True], ids=["xy", "yx"])
+def test_a_spiral_ends_on_the_cut(reverse: bool, backend: str) -> None:
+    """r < tθ is ½∫t²θ² dθ. Its roots are isolated, by slopes that say nothing across the cut: with y inside a third was missing."""
+    ranges = [(x, -1, 1), (y, -1, 2)]
+    body = teg.bracket(teg.sqrt(x * x + y * y) < t * phi)
+    f = teg.compile(teg.integral(body, *(ranges[::-1] if reverse else ranges)), [t], backend=backend)
+    assert f(t=0.3) == pytest.approx(0.09 * math.pi**3 / 6, rel=1e-9)
+
+
+@pytest.mark.parametrize("reverse", [False, True], ids=["xy", "yx"])
+def test_the_cut_is_a_break_of_an_integrand(reverse: bool) -> None:
+    """∫∫ atan2(y, x) over (-1, 1) and (-1, 2) is π: what lies below y = 1 cancels, and above it the mean angle is ½π."""
+    ranges = [(x, -1, 1), (y, -1, 2)]
+    f = teg.compile(teg.integral(phi, *(ranges[::-1] if reverse else ranges)))
+    assert f() == pytest.approx(math.pi, rel=1e-14)
 
 
 @pytest.mark.parametrize("angle", [-3.0, -1.0, 0.0, 2.0, math.pi, 3.5, -3.5])
