@@ -69,8 +69,9 @@ class MissedCuts:
 
 
 def _missed(g: Expr) -> list[Call]:
-    """Returns the angles in a condition whose cut counts: not that of θ² < t or r < cos 5θ, which is none."""
-    return [a for a in cut_angles(g) if any(_differs(part, a) for part in _parts(g, a))]
+    """Returns the angles in a condition whose cut counts: not that of θ² < t or r < cos 5θ, which is none, nor one inside of an integral,
+    which is smooth in what is outside."""
+    return [a for a in cut_angles(g) if a.free <= g.free and any(_differs(part, a) for part in _parts(g, a))]
 
 
 def _parts(g: Expr, angle: Call) -> list[Expr]:
