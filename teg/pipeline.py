@@ -86,6 +86,7 @@ def to_atoms(keep_moving: bool, maps: Maps, canonical: Canonical) -> list[tuple[
         *([] if maps else [("corners", with_local_boxes)]),  # maps are between the user's coordinates
         *([("carried", with_deltas)] if keep_moving else []),
         ("steps", enumerate_steps),  # the steps of floor are brackets, hence atoms
+        ("cuts of steps", with_cuts),  # steps of angles are conditions now
         ("extremes", with_smooth_atoms),  # while what decides an extreme is one condition
         ("squares", with_squares_apart),  # once functions that jump are written out
         ("canonicalise", canonical),  # a surface must be one expression before its jump can be taken

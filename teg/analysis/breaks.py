@@ -2,7 +2,7 @@
 
 The integrand of ∫ dx is smooth between its *breaks*. Breaks are the roots in x of
 
-- the atoms in x, wherever they stand in the integrand, its inner integrals and their bounds; arguments of |·| and √;
+- the atoms in x, wherever they stand in the integrand, its inner integrals and their bounds; arguments of |·| and √; cuts of angles;
 - the projection of each inner integral (`projection.py`).
 
 A function with branches contributes the breaks of each branch: too many breaks cost time, never accuracy. Functions whose roots have no
@@ -24,7 +24,7 @@ from teg.analysis.polynomial import Degrees, Point, Poly, Ratio, Shadow
 from teg.analysis.projection import Contribution, Projection, Turn, near, within
 from teg.analysis.roots import Roots, far_origin, quadratic_coefficients, quadratic_roots, solve, tidy
 from teg.analysis.surfaces import atoms_of, binders_inside
-from teg.ir.expr import FALSE, TRUE, ZERO, Add, Call, Compare, Cond, Const, Expr, Mul, Or, Param, Pow, Var, Where, const
+from teg.ir.expr import FALSE, TRUE, ZERO, Add, Call, Compare, Cond, Const, Expr, Mul, Or, Param, Pow, Var, Where, const, has_cut
 from teg.ir.integral import ClosedForm, Integral, masses_of
 from teg.ir.node import Node, digest, postorder
 from teg.ir.simplify import conjunction, disjunction, div, mul, sub, where
@@ -212,6 +212,8 @@ class BreakAnalysis:
                 stack.extend((c, counts) for c in node.children)
             if isinstance(node, Call) and not counts and node.name in _PARTIAL and not node.free & inner and not _is_sum_of_squares(node):
                 collected.functions[node.children[0]] = TRUE  # the border of the set on which the condition is a number
+            if has_cut(node) and not node.free & inner:  # where it jumps a condition may change its sign without a root
+                collected.functions[cast(Expr, node.children[0])] = TRUE
             if isinstance(node, Call) and not node.free & inner:
                 if node.name in EXTREMES:
                     if counts:

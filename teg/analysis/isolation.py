@@ -21,9 +21,9 @@ from teg.analysis.kinks import is_extreme
 from teg.analysis.polynomial import Shadow
 from teg.analysis.roots import outermost
 from teg.errors import NotDifferentiableError
-from teg.ir.expr import ONE, ZERO, Add, Call, Const, Expr, Mul, Pow, Var, Where, const
+from teg.ir.expr import FALSE, MINUS_ONE, ONE, ZERO, Add, Call, Cond, Const, Expr, Mul, Pow, Var, Where, const, has_cut
 from teg.ir.node import Node, postorder
-from teg.ir.simplify import add, call, mul, sub
+from teg.ir.simplify import add, call, conjunction, disjunction, mul, positive, sub, where
 from teg.ir.traverse import fresh, replace_node
 
 MAX_ROOTS = 16
@@ -102,12 +102,13 @@ def isolate(g: Expr, x: Var, limit: int = MAX_ROOTS) -> Isolation | None:
             if len(postorder(bounds)) <= _LARGEST:
                 return Isolation(g, x, rate, left, right, bounds, max_roots(g, x, limit), slope(rate, x), curving)
         boxed = Enclosure({x: (left, right)})
-        bounds = (*boxed.of(g), *boxed.of(rate))
+        met = _cuts_met(g, x, boxed)
+        bounds = (*boxed.of(g), *_unless(met, boxed.of(rate)))
     except NotDifferentiableError:
         return None
     if len(postorder(bounds)) > _LARGEST:
         return None
-    return Isolation(g, x, rate, left, right, bounds, max_roots(g, x, limit), *_curvature(g, rate, x, boxed))
+    return Isolation(g, x, rate, left, right, bounds, max_roots(g, x, limit), *_curvature(g, rate, x, boxed, met))
 
 
 def _occurrences(g: Expr, x: Var) -> int:
@@ -176,13 +177,29 @@ def _around(taylor: list[Expr], half: Expr) -> tuple[tuple[Expr, Expr, Expr, Exp
     return (sub(value, move), add(value, move), sub(rate, change), add(rate, change)), curving
 
 
-def _curvature(g: Expr, rate: Expr, x: Var, boxed: Enclosure) -> tuple[Expr, tuple[Expr, Expr]]:
+def _cuts_met(g: Expr, x: Var, boxed: Enclosure) -> Cond:
+    """Returns the condition under which a box may hold the cut of an angle, where slopes say nothing about the change."""
+    met: list[Cond] = []
+    for angle in postorder([g]):
+        if has_cut(angle) and x in angle.free:
+            (below, above), (left, _) = (boxed.of(cast(Expr, c)) for c in angle.children)
+            touched = positive(above, strict=False), positive(mul(MINUS_ONE, below), strict=False)
+            met.append(conjunction(*touched, positive(mul(MINUS_ONE, left))))
+    return disjunction(*met)
+
+
+def _unless(met: Cond, bounds: tuple[Expr, Expr]) -> tuple[Expr, Expr]:
+    """Returns bounds that are infinite under a condition."""
+    return bounds if met is FALSE else (where(met, _ANYTHING[0], bounds[0]), where(met, _ANYTHING[1], bounds[1]))
+
+
+def _curvature(g: Expr, rate: Expr, x: Var, boxed: Enclosure, met: Cond) -> tuple[Expr, tuple[Expr, Expr]]:
     """Returns the curvature of g and its bounds, if g has one everywhere and it does not cost much more than g and its slope; else NaN."""
     if not all(_is_smooth(n) for n in postorder([g]) if x in n.free):
         return _NO_NUMBER, _ANYTHING
     try:
         curvature = slope(rate, x)
-        curving = boxed.of(curvature)
+        curving = _unless(met, boxed.of(curvature))
     except NotDifferentiableError:
         return _NO_NUMBER, _ANYTHING
     if len(postorder(curving)) > _LARGEST:

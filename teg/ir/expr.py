@@ -253,6 +253,14 @@ class HalfAngle(Call):
     __slots__ = ()
 
 
+def has_cut(e: Node) -> bool:
+    """Returns whether an expression is an angle whose cut, where the first argument is 0 and the second negative, may be met."""
+    if not isinstance(e, Call) or e.name != "atan2" or isinstance(e, HalfAngle):
+        return False
+    v, u = e.children
+    return bool(v.free) and not (isinstance(u, Const) and u.data > 0.0)
+
+
 class Where(Expr):
     """`then` where the condition holds, else `otherwise`. The other value never matters, even if it is NaN."""
 

@@ -163,7 +163,7 @@ def null_rules(n: int) -> tuple[tuple[float, ...], ...]:
     """Returns six rows of weights on the n Gauss nodes, of the highest degree first: they measure what a polynomial of degree n - 1 misses.
 
     Row i gives the coefficient of f in the orthonormal Legendre polynomial of degree n - 1 - i; a row below degree 1 is 0. With one node
-    the first row is the rule itself.
+    the first row is the rule itself, and with two nodes the second one, since the first is 0 for every even function.
     """
     nodes, weights = gauss_legendre(n)
     if n == 1:
@@ -175,6 +175,8 @@ def null_rules(n: int) -> tuple[tuple[float, ...], ...]:
         else:
             norm = math.sqrt(degree + 0.5)
             rows.append(tuple(w * norm * _legendre(degree, x)[0] for x, w in zip(nodes, weights, strict=True)))
+    if n == 2:
+        rows[1] = weights
     return tuple(rows)
 
 

@@ -3,8 +3,8 @@
     [θ(x)² + sin x·θ(x) > t]       with θ = atan2(v, u), which jumps where v = 0 and u < 0
 
 A condition on an angle beside affine terms is half-planes (`teg.passes.normalise.cuts`), so its cut is a surface. In any other condition
-the cut is none: roots on it are no roots of the condition, and its own boundary term is missing. Values are right, since integrals
-search for the change of the condition; derivatives by the condition's parameters are not known if bounds of v and u over the box, taken
+the cut is none: roots on it are no roots of the condition, and its own boundary term is missing. Values are right, since cuts are
+breaks of integrals; derivatives by the condition's parameters are not known if bounds of v and u over the box, taken
 at run time, allow the cut. Linear.
 """
 
@@ -22,7 +22,7 @@ from teg.ir.integral import Integral
 from teg.ir.node import Node, postorder
 from teg.ir.simplify import add, call, conjunction, disjunction, mul, positive, tuple_of, where
 from teg.ir.traverse import parameters
-from teg.passes.normalise.cuts import cut_angles, linear_in_angle
+from teg.passes.normalise.cuts import cut_angles
 
 NO_NUMBER = const(float("nan"))
 TRIALS, SAME = 64, 1e-9
@@ -69,12 +69,9 @@ class MissedCuts:
 
 
 def _missed(g: Expr) -> list[Call]:
-    """Returns the angles in a condition whose cut counts: not that of θ² < t or r < cos 5θ, which is none, nor one that stays in θ < t,
-    whose roots have formulas."""
-    _, angle, rest = linear_in_angle(g)
-    if not g.free or (angle is not None and not rest.free and not parameters(angle.children[0])):
-        return []
-    return [a for a in cut_angles(g) if any(_differs(part, a) for part in _parts(g, a))]
+    """Returns the angles in a condition whose cut counts: not that of θ² < t or r < cos 5θ, which is none, nor one inside of an integral,
+    which is smooth in what is outside."""
+    return [a for a in cut_angles(g) if a.free <= g.free and any(_differs(part, a) for part in _parts(g, a))]
 
 
 def _parts(g: Expr, angle: Call) -> list[Expr]:

@@ -22,7 +22,7 @@ from teg.analysis.roots import local_origin
 from teg.analysis.surfaces import atoms_of
 from teg.analysis.tails import infinite_ends, is_unbounded
 from teg.errors import NotDifferentiableError
-from teg.ir.expr import MINUS_ONE, ONE, TRUE, Call, Compare, Cond, Expr, Var, const
+from teg.ir.expr import MINUS_ONE, ONE, TRUE, Call, Compare, Cond, Expr, Var, const, has_cut
 from teg.ir.integral import Integral, PointMasses
 from teg.ir.node import postorder
 from teg.ir.simplify import add, call, conjunction, disjunction, div, mul, positive, sub, where
@@ -74,8 +74,8 @@ class Pieces:
     def _decisive(self, group: Sequence[Integral], home: Level) -> set[Expr]:
         """Returns the functions without whose roots an integral would be wrong.
 
-        They are those of its own conditions; all of them if a rule of fixed order, or conditions decided in the middle of pieces, rely
-        on them. The others only help the adaptive rule.
+        They are those of its own conditions and cuts; all of them if a rule of fixed order, or conditions decided in the middle of
+        pieces, rely on them. The others only help the adaptive rule.
         """
         functions, bodies = set(self.analysis.of(group[0]).functions), [i.body for i in group]
         exact = any(self.rules.is_exact(i, home.depth) for i in group)
@@ -83,6 +83,7 @@ class Pieces:
             return functions
         inner = self.out.binders(bodies)
         own = {a.g for i in group for a in atoms_of(i.body, i.var) if not a.g.free & inner}
+        own |= {cast(Expr, n.children[0]) for n in postorder(bodies) if has_cut(n) and not n.free & inner}
         keys = {self.analysis.key(g) for g in own}
         return {f for f in functions if self.analysis.key(f) in keys}
 

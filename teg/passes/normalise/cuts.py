@@ -20,7 +20,7 @@ import math
 from typing import cast
 
 from teg.analysis.polynomial import Shadow
-from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Call, Compare, Cond, Const, Expr, HalfAngle, Mul, Pow, const
+from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Call, Compare, Cond, Const, Expr, HalfAngle, Mul, Pow, const, has_cut
 from teg.ir.node import Node, postorder
 from teg.ir.simplify import add, call, conjunction, disjunction, div, half_angle, mul, negation, positive, sub, where
 from teg.ir.traverse import parameters, rebuild
@@ -72,13 +72,11 @@ def _angle(e: Call, in_condition: bool) -> Expr:
 
 def _half_planes(condition: Compare) -> Cond | None:
     """Returns the condition that an angle is below or above t, by the line of that direction: u·sin t - v·cos t > 0 is the half-plane of
-    the angles between t - π and t. None for other conditions, and for an angle with a cut that stays beside a number."""
+    the angles between t - π and t. None for other conditions."""
     factor, angle, rest = linear_in_angle(condition.g)
     if angle is None or not _is_affine(rest):
         return None
     v, u = cast("tuple[Expr, Expr]", angle.children)
-    if not (rest.free or parameters(v)):
-        return None
     t = mul(MINUS_ONE, div(rest, factor))
     below, ahead = positive(mul(MINUS_ONE, v)), positive(sub(mul(u, call("sin", t)), mul(v, call("cos", t))))
     upper, turn = positive(t), const(math.pi)
@@ -114,8 +112,7 @@ def _is_affine(e: Expr) -> bool:
 
 def cut_angles(e: Node) -> list[Call]:
     """Returns the angles in an expression whose cut may be met, which is no condition."""
-    calls = [n for n in postorder([e]) if isinstance(n, Call) and n.name == "atan2" and not isinstance(n, HalfAngle)]
-    return [n for n in calls if n.children[0].free and not (isinstance(n.children[1], Const) and n.children[1].data > 0.0)]
+    return [cast(Call, n) for n in postorder([e]) if has_cut(n)]
 
 
 def _limited(e: Call, in_condition: bool) -> Expr:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import mpmath
 import pytest
 
 import teg
@@ -88,3 +89,13 @@ def test_a_cut_in_a_range_that_is_not_known_may_be_met() -> None:
     f = teg.compile(teg.integral(teg.bracket(2 * teg.atan2(y - a, x - 0.2) - y * x > t), (x, -1, end), (y, -1, 1)), [t, a])
     with pytest.warns(teg.AccuracyWarning, match="not a number"):
         assert math.isnan(f.grad(t=0.6, a=0.1)["t"])
+
+
+def test_an_angle_inside_of_an_integral_that_decides() -> None:
+    """The angle's variable is bound in the condition: bounds of it were looked for outside, where it has none."""
+    inner = teg.integral(teg.bracket(x > t) * teg.atan2(x - 0.3, x - 0.5), (x, 0, 1))
+    f = teg.compile(teg.where(inner < a, inner * a, a), [t, a])
+    value, gradient = f.value_and_grad(t=0.6, a=2.0)
+    expected = mpmath.quad(lambda u: mpmath.atan2(u - 0.3, u - 0.5), [0.6, 1])
+    assert value == pytest.approx(float(2 * expected), rel=1e-10)
+    assert gradient == pytest.approx({"t": -2 * math.atan2(0.3, 0.1), "a": float(expected)}, rel=1e-10)

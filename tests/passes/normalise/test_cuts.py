@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from contextlib import nullcontext
 
 import mpmath
 import numpy as np
@@ -64,7 +65,7 @@ def test_the_pass_is_idempotent_and_leaves_what_has_no_jump_that_moves() -> None
     assert with_cuts(once) is once
     for u in (teg.atan2(x, b), teg.atan2(x - a, 2.0), teg.atan(x - a), teg.atan2(a, b), teg.exp(-1 / (x - a) ** 2)):
         assert with_cuts(teg.integral(u, (x, 0, 1))) is teg.integral(u, (x, 0, 1))
-    for condition in (teg.atan2(x, 2.0) < b, teg.atan2(y, x) < a, teg.atan(x - a) < b):
+    for condition in (teg.atan2(x, 2.0) < b, teg.atan2(a, x) < b, teg.atan(x - a) < b):
         assert with_cuts(teg.integral(teg.bracket(condition), (x, 0, 1))) is teg.integral(teg.bracket(condition), (x, 0, 1))
     turned = with_cuts(teg.integral(teg.bracket(1 - 2 * teg.atan2(y - a, x) < b), (x, 0, 1)))
     assert with_cuts(turned) is turned
@@ -109,6 +110,67 @@ def test_an_angle_around_a_centre_that_moves(condition: teg.Expr, sign: int, bac
     second = {("t", "t"): 0.64 * secant * tangent, ("t", "b"): -0.8 * secant, ("b", "b"): tangent}
     for (p, q), found in f.hessian(**at).items():
         assert found == pytest.approx(sign * second.get((p, q), second.get((q, p), 0.0)), rel=1e-12, abs=1e-12)
+
+
+phi = teg.atan2(y, x)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("reverse", [False, True], ids=["xy", "yx"])
+@pytest.mark.parametrize(
+    ("condition", "limit", "slope"),
+    [
+        (t > phi, 2.0, 1.0),
+        (3 - 2 * phi > 3 - 2 * t, 2.0, 1.0),
+        (phi < 2, 2.0, None),
+        (teg.exp(phi) < t, math.log(2.0), math.nan),
+        (phi**3 < t, 2.0 ** (1 / 3), math.nan),
+    ],
+    ids=["below", "a multiple", "a number", "an exponential", "a cube"],
+)
+def test_a_cut_that_stays(condition: teg.Expr, limit: float, slope: float | None, reverse: bool, backend: str) -> None:
+    """Below the limit lies a wedge of a disk around the cut's end. With y inside, the wedge also had the quarter above the cut, without a
+    warning. The derivative is right, or NaN with a warning."""
+    ranges = [(x, -1, 1), (y, -1, 1)]
+    inside = teg.bracket(condition & (x * x + y * y < a))
+    f = teg.compile(teg.integral(inside, *(ranges[::-1] if reverse else ranges)), [t, a] if slope else [a], backend=backend)
+    at = {"a": 0.5, **({"t": 2.0} if slope else {})}
+    assert f(**at) == pytest.approx(0.25 * (math.pi + limit), rel=1e-10)
+    known = slope is None or not math.isnan(slope)
+    with nullcontext() if known else pytest.warns(teg.AccuracyWarning, match="not a number"):
+        gradient = f.grad(**at)
+    assert gradient["a"] == pytest.approx(0.5 * (math.pi + limit), rel=1e-9)
+    if slope is not None:
+        assert gradient["t"] == pytest.approx(0.25 * slope, rel=1e-9, nan_ok=True)
+
+
+@pytest.mark.parametrize("reverse", [False, True], ids=["xy", "yx"])
+def test_steps_of_an_angle(reverse: bool) -> None:
+    """The remainders of angles in a disk: ½a·∫(θ - ⌊θ⌋) dθ. With y inside the value was wrong, without a warning."""
+    ranges = [(x, -1, 1), (y, -1, 1)]
+    body = teg.mod(phi, 1.0) * teg.bracket(x * x + y * y < a)
+    f = teg.compile(teg.integral(body, *(ranges[::-1] if reverse else ranges)), [a])
+    mean = 0.5 * (1 - (4 - math.pi) ** 2) + 3 + 0.5 * (math.pi - 3) ** 2
+    assert f(a=0.5) == pytest.approx(0.25 * mean, rel=1e-9)
+    assert f.grad(a=0.5)["a"] == pytest.approx(0.5 * mean, rel=1e-9)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("reverse", [False, True], ids=["xy", "yx"])
+def test_a_spiral_ends_on_the_cut(reverse: bool, backend: str) -> None:
+    """r < tθ is ½∫t²θ² dθ. Its roots are isolated, by slopes that say nothing across the cut: with y inside a third was missing."""
+    ranges = [(x, -1, 1), (y, -1, 2)]
+    body = teg.bracket(teg.sqrt(x * x + y * y) < t * phi)
+    f = teg.compile(teg.integral(body, *(ranges[::-1] if reverse else ranges)), [t], backend=backend)
+    assert f(t=0.3) == pytest.approx(0.09 * math.pi**3 / 6, rel=1e-9)
+
+
+@pytest.mark.parametrize("reverse", [False, True], ids=["xy", "yx"])
+def test_the_cut_is_a_break_of_an_integrand(reverse: bool) -> None:
+    """∫∫ atan2(y, x) over (-1, 1) and (-1, 2) is π: what lies below y = 1 cancels, and above it the mean angle is ½π."""
+    ranges = [(x, -1, 1), (y, -1, 2)]
+    f = teg.compile(teg.integral(phi, *(ranges[::-1] if reverse else ranges)))
+    assert f() == pytest.approx(math.pi, rel=1e-14)
 
 
 @pytest.mark.parametrize("angle", [-3.0, -1.0, 0.0, 2.0, math.pi, 3.5, -3.5])
