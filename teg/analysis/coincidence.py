@@ -3,6 +3,7 @@
     f(u) - f(v) > 0   is   u - v > 0           where f increases on all numbers: exp, sinh, tanh, atan, erf, odd powers
     f(u) - f(v) > 0   is   v - u > 0           where f decreases on all numbers: erfc
     f(u) - f(v) > 0   is   (u - v)(u + v) > 0  where f increases with |u|: cosh, even powers
+    eᵘ - 1 > 0        is   u > 0
     eᵘ¹·eᵘ² - eᵛ > 0  is   u1 + u2 - v > 0     however many factors there are
     c·hᵏ > 0          is   c > 0               almost everywhere for even k; it is c·h > 0 for odd k, also where the power is written out
 
@@ -15,18 +16,22 @@ Whether a polynomial is a power, or shares a factor with another one, is decided
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import lru_cache
 from itertools import islice
 from typing import cast
 
+from teg.analysis.calculus import slope
+from teg.analysis.evaluate import values_of
 from teg.analysis.expanded import perfect_power
 from teg.analysis.field_polynomials import coefficients, common_factor, derivative, one_root
 from teg.analysis.numeric_zeros import is_zero_on
 from teg.analysis.polynomial import Point, Shadow
-from teg.ir.expr import MINUS_ONE, ONE, Add, Call, Const, Expr, Mul, Param, Pow, Var
+from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Call, Const, Expr, Mul, Param, Pow, Var, const
 from teg.ir.node import postorder
 from teg.ir.simplify import add, call, integer_power, mul, sub
+from teg.ir.traverse import substitute
 from teg.numerics.field import P, divided
 
 MAX_DEGREE = 24
@@ -47,9 +52,44 @@ def short_form(g: Expr) -> Expr:
     g = peeled(g)
     power = perfect_power(g) if isinstance(g, Add) and any(_is_multiple(g, v) for v in sorted(g.free, key=lambda v: v.name)) else None
     if power is None:
-        return g
+        return _as_lines(g) if isinstance(g, Add) and len(g.free) > 1 else g
     sign, base, k = power
     return mul(ONE if sign > 0 else MINUS_ONE, integer_power(base, 2) if k % 2 == 0 else base)
+
+
+def _as_lines(g: Add) -> Expr:
+    """Returns two factors with the sign of a quadratic polynomial that has them, u² - 3uv + 2v² = (u - v)(u - 2v), and of one without real
+    factors, u² + v², its curvature; g where it is no product.
+
+    A product of surfaces crosses itself, and where it does second derivatives have terms of their own.
+    """
+    for v in sorted(g.free, key=lambda v: v.name):
+        if Shadow((v,)).degree(g) != 2:
+            continue
+        rate = slope(g, v)
+        curvature = slope(rate, v)
+        at_zero = cast(Expr, substitute(rate, {v: ZERO}))
+        discriminant = sub(integer_power(at_zero, 2), mul(const(2.0), curvature, cast(Expr, substitute(g, {v: ZERO}))))
+        if curvature.free or not any(_is_multiple(discriminant, w) for w in sorted(g.free - {v}, key=lambda w: w.name)):
+            continue
+        power = perfect_power(discriminant)
+        if power is None or power[2] % 2:
+            continue
+        sign, base, k = power
+        if sign < 0:
+            return curvature
+        ratio = _ratio(discriminant, integer_power(base, k))
+        middle, apart = add(mul(curvature, v), at_zero), mul(const(math.sqrt(ratio)), integer_power(base, k // 2))
+        return mul(curvature, sub(middle, apart), add(middle, apart))
+    return g
+
+
+def _ratio(e: Expr, f: Expr) -> float:
+    """Returns the number e/f of proportional polynomials."""
+    at = {n: 0.5 + 0.1 * i for i, n in enumerate(n for n in postorder([e, f]) if isinstance(n, Var | Param))}
+    above, below = (float(v) for v in values_of([e, f], at))
+    ratio = above / below
+    return round(ratio * 64.0) / 64.0 if abs(ratio * 64.0 - round(ratio * 64.0)) < 1e-9 * abs(ratio) else ratio
 
 
 def peeled(g: Expr, partial: bool = False) -> Expr:
@@ -155,6 +195,10 @@ def _without_function(g: Expr, partial: bool) -> Expr | None:
     if a != -b or not a:
         return None
     above, below = (first, second) if a > 0 else (second, first)
+    if below is ONE and isinstance(above, Call) and above.name == "exp":
+        return above.children[0]
+    if above is ONE and isinstance(below, Call) and below.name == "exp":
+        return mul(MINUS_ONE, below.children[0])
     exponents = [_exponent_of_e(e) for e in (above, below)]
     if exponents[0] is not None and exponents[1] is not None:
         return sub(exponents[0], exponents[1])

@@ -21,10 +21,12 @@ from itertools import islice
 from typing import cast
 
 from teg.analysis.antiderivative import integrated
+from teg.analysis.calculus import SMOOTH
 from teg.analysis.coincidence import short_form, without_denominators
 from teg.analysis.expanded import shorter_form
 from teg.analysis.jumps import assign
 from teg.analysis.kinks import Extremes, Kinks, kinks_of, value_nodes
+from teg.analysis.limits import is_square
 from teg.analysis.polynomial import Point, Shadow
 from teg.analysis.surfaces import atoms_of, binders_inside
 from teg.ir import expr as ex
@@ -385,6 +387,8 @@ def _signed_factors(g: Expr) -> tuple[float, list[Expr]]:
             stack.extend(reversed(e.children))
         elif isinstance(e, Pow) and e.exponent % 2:
             stack.append(e.base)
+        elif isinstance(e, Add) and _is_sum_of_squares(e):
+            continue
         elif isinstance(e, Add):
             common, cofactor = _common_factors(e)
             short = e if common else short_form(e)
@@ -397,6 +401,8 @@ def _signed_factors(g: Expr) -> tuple[float, list[Expr]]:
                 factors.append(e)
         elif isinstance(e, Call) and e.name == "magnitude" and e.free:
             continue  # positive as well
+        elif isinstance(e, Call) and e.name in ("atan", "tanh", "sinh", "erf", "expm1") and e.free:
+            stack.append(e.children[0])  # has its sign
         elif isinstance(e, Call) and e.name in ("sqrt", "root", "pow") and e.free:
             stack.append(e.children[0])  # the same zeros, with a slope
             factors.append(add(ex.ONE, e))  # no zeros, but NaN where it is undefined
@@ -418,6 +424,17 @@ def _without_squares(surfaces: list[tuple[Expr, bool]], sign: float) -> tuple[li
     return list(kept.items()), sign
 
 
+def _is_sum_of_squares(e: Add) -> bool:
+    """Returns whether a sum is written as one that is positive everywhere: squares and a positive number."""
+
+    def is_positive(term: Expr) -> bool:
+        factors = term.children if isinstance(term, Mul) else (term,)
+        return all((isinstance(f, Const) and f.data > 0.0) or is_square(f) or _is_positive(f) for f in factors)
+
+    positive_terms = any(isinstance(t, Const) or _is_positive(t) for t in e.children) and all(map(is_positive, e.children))
+    return positive_terms and not any(isinstance(n, Call) and n.name not in SMOOTH for n in postorder([e]))  # these may be NaN
+
+
 def _is_positive(e: Expr) -> bool:
     return isinstance(e, Call) and e.name in ("exp", "cosh", "erfc")
 
@@ -427,9 +444,22 @@ def _factor_powers(term: Expr) -> dict[Expr, int]:
     return {(p.base if isinstance(p, Pow) else p): (p.exponent if isinstance(p, Pow) else 1) for p in parts if not isinstance(p, Const)}
 
 
+def _over_factors(term: Expr) -> Expr:
+    """Returns a term with powers of products written as products of powers."""
+    parts = term.children if isinstance(term, Mul) else (term,)
+    if not any(isinstance(p, Pow) and isinstance(p.base, Mul) for p in parts):
+        return term
+    split = (
+        [simplify.integer_power(c, p.exponent) for c in p.base.children] if isinstance(p, Pow) and isinstance(p.base, Mul) else [p]
+        for p in parts
+    )
+    return mul(*(f for factors in split for f in factors))
+
+
 def _common_factors(e: Add) -> tuple[list[Expr], Expr]:
     """Returns the common factors of all terms, and the sum without them: a·t - a·x = a·(t - x)."""
-    powers = [_factor_powers(t) for t in e.children]
+    terms = [_over_factors(t) for t in e.children]
+    powers = [_factor_powers(t) for t in terms]
     shared = {f: min(p.get(f, 0) for p in powers) for f in powers[0]}
     shared = {
         f: k for f, k in shared.items() if k > 0 and not isinstance(f, Where)
@@ -437,7 +467,7 @@ def _common_factors(e: Add) -> tuple[list[Expr], Expr]:
     if not shared:
         return [], e
     divisor = mul(*(simplify.integer_power(f, -k) for f, k in shared.items()))
-    return [simplify.integer_power(f, k) for f, k in shared.items()], add(*(mul(t, divisor) for t in e.children))
+    return [simplify.integer_power(f, k) for f, k in shared.items()], add(*(mul(t, divisor) for t in terms))
 
 
 def _separable_terms(body: Expr, x: Var) -> list[Expr]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 
 import pytest
 
@@ -136,3 +137,51 @@ def test_factors_that_cancel_but_for_a_denominator() -> None:
 
 def test_a_difference_of_squares_has_the_surfaces_of_a_distance() -> None:
     assert surfaces(canonicalise(over(teg.bracket(((x - t) / a) ** 2 < 1) * teg.bracket(x - t < a)))) == ["a + x - t", "a - (x - t)"]
+
+
+U, V = x - t, y - a
+CROSSED = {
+    "a product": (U * V, U * V > 0),
+    "expanded": (U * V, x * y - a * x - t * y + t * a > 0),
+    "an arc tangent": (U * V, teg.atan(U * V) > 0),
+    "a hyperbolic tangent": (U * V, teg.tanh(U * V) > 0),
+    "an exponential": (U * V, teg.exp(U * V) > 1),
+    "a cubic": (U * V, (U * V) ** 3 + U * V > 0),
+    "beside a sum of squares": (U * V, teg.minimum(U * V, 1 + (U * V) ** 2) > 0),
+    "two lines": ((U - V) * (U - 2 * V), U**2 - 3 * U * V + 2 * V**2 > 0),
+    "two lines of irrational slope": ((U - math.sqrt(2) * V) * (U + math.sqrt(2) * V), U**2 - 2 * V**2 > 0),
+    "lines of parameters": ((U - c * V) * (U - V), U**2 - U * V - c * U * V + c * V**2 > 0),
+    "a point": (1 + 0 * U, U**2 + V**2 > 0),
+}
+
+
+@pytest.mark.parametrize("case", CROSSED)
+def test_surfaces_that_cross_themselves_are_factors(case: str) -> None:
+    """In one piece they gave second derivatives without the places where they cross: off by 1.7, or infinite, without a warning."""
+    at = {"t": 0.31, "a": 0.26, "c": 0.4}
+    product, condition = CROSSED[case]
+    weight = (1 + x) * teg.exp(x - y)
+    f, g = (
+        teg.compile(teg.integral(teg.bracket(b) * weight, (x, -1, 1), (y, -1, 1)) + 0 * (t + a + c), [t, a, c], backend="numpy")
+        for b in (product > 0, condition)
+    )
+    assert g.value_and_grad(at)[0] == pytest.approx(f.value_and_grad(at)[0], rel=1e-9)
+    assert g.grad(at) == pytest.approx(f.grad(at), rel=1e-9, abs=1e-10)
+    assert list(g.hessian(at).values()) == pytest.approx(list(f.hessian(at).values()), rel=1e-8, abs=1e-8)
+
+
+@pytest.mark.parametrize("name", ["U·V", "(U - V)(U - 2V)"])
+def test_the_second_derivatives_of_crossed_lines(name: str) -> None:
+    """Against differences of gradients."""
+    product = U * V if name == "U·V" else (U - V) * (U - 2 * V)
+    f = teg.compile(teg.integral(teg.bracket(product > 0) * (1 + x) * teg.exp(x - y), (x, -1, 1), (y, -1, 1)), [t, a], backend="numpy")
+    h, step = f.hessian(t=0.31, a=0.26), 1e-5
+    for name in ("t", "a"):
+        up, down = (f.grad({"t": 0.31, "a": 0.26, name: {"t": 0.31, "a": 0.26}[name] + s}) for s in (step, -step))
+        for other in ("t", "a"):
+            assert h[other, name] == pytest.approx((up[other] - down[other]) / (2 * step), rel=1e-7, abs=1e-8)
+
+
+def test_sums_of_squares_have_no_surface() -> None:
+    assert surfaces(canonicalise(over(teg.bracket(1 + (x - t) ** 2 > 0)))) == []
+    assert surfaces(canonicalise(over(teg.bracket(1 + teg.sqrt(x - t) > 0)))) != []  # it may be undefined
