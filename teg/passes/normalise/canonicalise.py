@@ -5,8 +5,10 @@
 1. A condition inside an atom is hoisted: [g > 0] = b & [g|b:=true > 0]  |  ~b & [g|b:=false > 0], if there are few. If there are many,
    the continuous ones (abs, minimum, maximum) become |·|, which is not a condition (`teg.analysis.kinks`).
 2. Factors split: [u·v > 0] = [u > 0] & [v > 0]  |  [u < 0] & [v < 0], so that (y - c)·(x - t) has two surfaces with two owners.
-   A surface is written without an increasing function or an odd power in front of both sides (`teg.analysis.coincidence`).
-3. A surface proportional by a number to an earlier one becomes that one; sign and strictness are adjusted.
+   A surface is written without an increasing function or an odd power in front of both sides, and a quadratic one that is two lines as
+   these (`teg.analysis.coincidence`).
+3. A surface proportional to an earlier one by a number, or by denominators without variables, becomes that one; sign and strictness are
+   adjusted.
 4. An atom that a bound decides (x < t on (0, t)) is replaced by its value at the other bound.
 5. An integral of a polynomial that a condition depends on is written out: [∫₀ˣ(1 - u/p)du > 0] is a condition on x - x²/(2p).
 6. ∫ΣFᵢ = Σ∫Fᵢ if the terms have different atoms, and factors free of x leave ∫ dx.
