@@ -16,9 +16,9 @@ from typing import cast
 from teg.analysis.calculus import slope
 from teg.analysis.coincidence import ZeroSet
 from teg.errors import NotDifferentiableError
-from teg.ir.expr import ZERO, Add, Call, Const, Expr, Mul, Pow, Var, Where
+from teg.ir.expr import ZERO, Add, And, Call, Cond, Const, Expr, Mul, Pow, Var, Where
 from teg.ir.node import Node, postorder
-from teg.ir.simplify import add, integer_power, mul
+from teg.ir.simplify import add, holds_with, integer_power, mul, negation, where
 from teg.ir.traverse import replace_node
 
 MAX_ORDER = 4
@@ -108,20 +108,46 @@ class Poles:
             return node
         return mul(*others, numerator, integer_power(denominator, -1)) if n else node
 
-    def decays(self, e: Expr) -> bool:
-        """Returns whether an expression tends to 0 on the surface faster than every power, like exp(-1/u²)/u³."""
+    def without_decaying(self, e: Expr) -> Expr:
+        """Returns an expression without the terms that tend to 0 on the surface faster than every power: 1 + exp(-1/u²) is 1."""
+        return self._settled(e, frozenset()) if any(map(self._is_fast, postorder([e]))) else e
+
+    def _settled(self, e: Expr, known: frozenset[Cond]) -> Expr:
+        if self.decays(e, known):
+            return ZERO
         match e:
             case Add():
-                return all([self.decays(c) for c in e.children])
+                return add(*[self._settled(c, known) for c in e.children])
             case Where():
-                return self.decays(e.then) and self.decays(e.otherwise)
+                then, otherwise = (known.union(_parts(c)) for c in (e.condition, negation(e.condition)))
+                return where(e.condition, self._settled(e.then, then), self._settled(e.otherwise, otherwise))
             case Mul():
-                fast = [f for f in e.children if self.decays(f)]
+                factors = [self._settled(f, known) for f in e.children]
+                return e if any(map(self._has_wild_function, factors)) else mul(*factors)
+            case _:
+                return e
+
+    def _is_fast(self, node: Node) -> bool:
+        """Returns whether a node is an exponential that tends to 0 on the surface faster than every power."""
+        return isinstance(node, Call) and node.name == "exp" and falls(node.children[0], self._is_pole, self.has)
+
+    def decays(self, e: Expr, known: frozenset[Cond] = frozenset()) -> bool:
+        """Returns whether an expression tends to 0 on the surface faster than every power, like exp(-1/u²)/u³, where the `known` conditions
+        hold."""
+        match e:
+            case Add():
+                return all([self.decays(c, known) for c in e.children])
+            case Where():
+                holds, fails = e.condition, negation(e.condition)
+                then = _is_implied(fails, known) or self.decays(e.then, known.union(_parts(holds)))
+                return then and (_is_implied(holds, known) or self.decays(e.otherwise, known.union(_parts(fails))))
+            case Mul():
+                fast = [f for f in e.children if self.decays(f, known)]
                 return bool(fast) and not any(self._has_wild_function(f) for f in e.children if f not in fast)
             case Pow():
-                return e.exponent > 0 and self.decays(e.base)
+                return e.exponent > 0 and self.decays(e.base, known)
             case Call(name="exp"):
-                return falls(e.children[0], self._is_pole, self.has)
+                return self._is_fast(e)
             case _:
                 return e is ZERO
 
@@ -159,3 +185,13 @@ class Poles:
                 null = False
             self._null[e] = null or e is self.surface or (not self.has(e) and self._zeros.annuls(e))
         return self._null[e]
+
+
+def _parts(condition: Cond) -> tuple[Cond, ...]:
+    """Returns the conditions that all hold where a condition does."""
+    return condition.children if isinstance(condition, And) else (condition,)
+
+
+def _is_implied(condition: Cond, known: frozenset[Cond]) -> bool:
+    """Returns whether a condition holds where the known ones do, by their form."""
+    return any(holds_with(condition, c) for c in known)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import warnings
 
+import numpy as np
 import pytest
 
 import teg
@@ -94,6 +95,60 @@ def test_a_step_with_a_rate(backend: str) -> None:
     assert gradient == pytest.approx({"t": -end, "a": by_rate}, rel=1e-9)
     assert hessian["t", "t"] == pytest.approx(2 * rate / length**3 * end, rel=1e-9)
     assert hessian["t", "a"] == hessian["a", "t"] == pytest.approx(end / length**2, rel=1e-9)
+
+
+def moment(k: int, rate: float) -> float:
+    """∫ uᵏ·exp(-1/(1 - u²) + rate·u) over |u| < 1. The trapezoid rule is exact to rounding where all derivatives are 0 at both ends."""
+    v = np.linspace(-1.0, 1.0, 4001)[1:-1]
+    return float(np.sum(v**k * np.exp(-1.0 / (1.0 - v * v) + rate * v)) / 2000.0)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("inside", [u**2 < 1, teg.abs(x - t) < a], ids=["by squares", "by distance"])
+def test_a_bump_beside_a_function(inside: teg.Cond, backend: str) -> None:
+    """∫ bump((x - t)/a)·exp(x) dx = a·exp(t)·∫ bump(u)·exp(a·u) du. Its second derivatives were NaN."""
+    f = teg.compile(teg.integral(teg.where(inside, teg.exp(-1 / (1 - u**2)), 0) * teg.exp(x), (x, -2, 2)), [t, a], backend=backend)
+    at_t, width = math.exp(AT["t"]), AT["a"]
+    m0, m1, m2 = (moment(k, width) for k in range(3))
+    by_a = at_t * (m0 + width * m1)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert f.grad(**AT) == pytest.approx({"t": width * at_t * m0, "a": by_a}, rel=1e-10)
+        hessian = f.hessian(**AT)
+    assert hessian["t", "t"] == pytest.approx(width * at_t * m0, rel=1e-9)
+    assert hessian["t", "a"] == pytest.approx(by_a, rel=1e-9)
+    assert hessian["a", "a"] == pytest.approx(at_t * (2 * m1 + width * m2), rel=1e-9)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_bump_between_jumps(backend: str) -> None:
+    """1, then 1 + bump, then 2: at the second border the jump is 1, and the bump beside it has no part in it. Hessians were NaN."""
+    inner = 1 + teg.where(u**2 < 1, teg.exp(-1 / (1 - u**2)), 0)
+    f = teg.compile(teg.integral(teg.where(x < t - a, 1, teg.where(x > t + a, 2, inner)), (x, -2, 2)), [t, a], backend=backend)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        value, gradient = f.value_and_grad(**AT)
+        hessian = f.hessian(**AT)
+    assert value == pytest.approx(6 - AT["t"] - AT["a"] + AT["a"] * LINE, rel=1e-11)
+    assert gradient == pytest.approx({"t": -1.0, "a": LINE - 1}, rel=1e-10)
+    assert list(hessian.values()) == pytest.approx([0.0] * 4, abs=1e-10)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_real_power_beside_an_exponential(backend: str) -> None:
+    """∫ u^(-3/2)·exp(-c/u) du over (0, l) is √(π/c)·erfc(√(c/l)), here with c = 1/(2a²): the density of first passages. It was NaN."""
+    e = teg.integral(teg.where(x > t, (x - t) ** -1.5 * teg.exp(-1 / (2 * a * a * (x - t))), 0), (x, 0, 1))
+    f = teg.compile(e, [t, a], backend=backend)
+    length, rate = 1 - AT["t"], 0.5 / AT["a"] ** 2
+    end = length**-1.5 * math.exp(-rate / length)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        value, gradient = f.value_and_grad(**AT)
+        hessian = f.hessian(**AT)
+    assert value == pytest.approx(math.sqrt(math.pi / rate) * math.erfc(math.sqrt(rate / length)), rel=1e-10)
+    assert gradient["t"] == pytest.approx(-end, rel=1e-9)
+    assert hessian["t", "t"] == pytest.approx(end * (rate / length**2 - 1.5 / length), rel=1e-9)
+    assert [hessian["t", "a"], hessian["a", "t"]] == pytest.approx([-end / (length * AT["a"] ** 3)] * 2, rel=1e-9)
 
 
 def found(e: teg.Expr) -> teg.Expr | None:
