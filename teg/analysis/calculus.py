@@ -63,11 +63,7 @@ def partials(node: Call) -> list[Expr]:
         case "sqrt" | "root":
             return [mul(const(0.5), integer_power(node, -1))]
         case "pow":
-            k = node.children[1]
-            by_exponent = mul(call("log", u), node)
-            if u is ZERO:  # a branch on which max(…, 0) is 0: there u^k·log(u) is 0, not 0·∞
-                by_exponent = where(positive(k), ZERO, by_exponent)
-            return [mul(k, call("pow", u, sub(k, ONE))), by_exponent]
+            return _partials_of_power(node, u, node.children[1])
         case "magnitude":
             return [where(positive(u), ONE, MINUS_ONE)]
         case "min" | "max":
@@ -81,6 +77,13 @@ def partials(node: Call) -> list[Expr]:
             return [ONE, mul(MINUS_ONE, call("floor", div(u, node.children[1])))]
         case _:
             raise AssertionError(f"no derivative is known for {node.name}")
+
+
+def _partials_of_power(node: Call, u: Expr, k: Expr) -> list[Expr]:
+    by_exponent = mul(call("log", u), node)
+    if u is ZERO:  # a branch on which max(…, 0) is 0: there u^k·log(u) is 0, not 0·∞
+        by_exponent = where(positive(k), ZERO, by_exponent)
+    return [mul(k, call("pow", u, sub(k, ONE))), by_exponent]
 
 
 def steps_error(floor: Call, inside: Node) -> NotDifferentiableError:

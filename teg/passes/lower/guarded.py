@@ -222,7 +222,7 @@ def _has_pole_on(e: Expr, x: Var, surfaces: Iterable[Expr]) -> bool:
     """Returns whether a denominator in e is 0 on one of the surfaces, so that e has no value at the breaks there."""
     below = [n.base for n in postorder([e]) if isinstance(n, Pow) and n.exponent < 0 and x in n.base.free]
     bare = {b.children[0] if isinstance(b, Call) and b.name == "magnitude" else b for b in below}
-    return bool(bare) and any(ZeroSet(g).annuls(cast(Expr, b)) for g in surfaces if x in g.free for b in bare)
+    return bool(bare) and any(ZeroSet(g).annuls(b) for g in surfaces if x in g.free for b in bare)
 
 
 def _variables(level: Level | None) -> Iterator[Var]:
