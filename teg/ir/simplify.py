@@ -37,6 +37,7 @@ from teg.ir.expr import (
     const,
 )
 
+_DEPTH = 6  # of sums, products and branches in which exp(c/0) is looked for
 _FLATTEN = 8  # a product inside a product is merged while it is this short: longer ones would make chains quadratic
 
 
@@ -177,15 +178,17 @@ def _is_power_of_zero(factor: Expr) -> bool:
     return factor is ZERO or (isinstance(factor, Call) and factor.name == "pow" and factor.children[0] is ZERO)
 
 
-def _is_exponential_of_pole(e: Expr) -> bool:
-    """Returns whether all terms and branches of a factor have the factor exp(c/0)."""
+def _is_exponential_of_pole(e: Expr, depth: int = 0) -> bool:
+    """Returns whether all terms and branches of a factor have the factor exp(c/0), down to a fixed depth."""
+    if depth == _DEPTH:
+        return False
     match e:
         case Where():
-            return _is_exponential_of_pole(e.then) and _is_exponential_of_pole(e.otherwise)
+            return _is_exponential_of_pole(e.then, depth + 1) and _is_exponential_of_pole(e.otherwise, depth + 1)
         case Add():
-            return all([_is_exponential_of_pole(c) for c in e.children])
+            return all([_is_exponential_of_pole(c, depth + 1) for c in e.children])
         case Mul():
-            return any([_is_exponential_of_pole(c) for c in e.children])
+            return any([_is_exponential_of_pole(c, depth + 1) for c in e.children])
         case Call(name="exp"):
             return _has_pole_at_zero(e.children[0])
         case _:

@@ -24,6 +24,8 @@ LARGE = 200.0
 """Exponentials within exp(±LARGE) are no danger."""
 GENTLE = frozenset(("log", "sqrt", "root", "magnitude", "min", "max", "sin", "cos", "atan"))
 """Functions that grow no faster than a power of their argument, and fall no faster."""
+MAX_DEPTH, MAX_TERMS = 6, 8
+"""Where common factors are looked for: so many sums, products and integrals in each other, and sums of so many terms."""
 BOUNDED = frozenset(("tanh", "erf", "erfc"))
 """Functions that grow no faster than a power, but whose distance from a constant may fall like a Gaussian."""
 
@@ -92,20 +94,22 @@ def _may_divide(node: Node) -> bool:
     return isinstance(node, Call) and node.name == "pow" and not (isinstance(node.children[1], Const) and node.children[1].data > 0.0)
 
 
-def _exponentials(e: Expr) -> list[Call]:
-    """Returns the exponentials that are factors of an expression, also in front of what an integral integrates."""
+def _exponentials(e: Expr, depth: int = 0) -> list[Call]:
+    """Returns the exponentials that are factors of an expression, also in front of what an integral integrates, down to MAX_DEPTH."""
+    if depth == MAX_DEPTH:
+        return []
     match e:
         case Call(name="exp"):
             return [e]
         case Mul():
-            return [g for f in e.children for g in _exponentials(f)]
+            return [g for f in e.children for g in _exponentials(f, depth + 1)]
         case Where() if ZERO in (e.then, e.otherwise):
-            return _exponentials(e.then if e.otherwise is ZERO else e.otherwise)
-        case Add():
-            first, *others = [_exponentials(f) for f in e.children]
+            return _exponentials(e.then if e.otherwise is ZERO else e.otherwise, depth + 1)
+        case Add() if len(e.children) <= MAX_TERMS:
+            first, *others = [_exponentials(f, depth + 1) for f in e.children]
             return [g for g in first if all(g in terms for terms in others)]
         case Integral():
-            return [g for g in _exponentials(e.body) if e.var not in g.free]
+            return [g for g in _exponentials(e.body, depth + 1) if e.var not in g.free]
         case _:
             return []
 
