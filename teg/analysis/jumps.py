@@ -162,7 +162,7 @@ def surface_terms(body: Expr, surfaces: list[Expr]) -> list[tuple[Expr, Expr]]:
     """Returns pairs (g, jump_g(body)) for the surfaces whose jump does not vanish on them."""
     terms = []
     for g in surfaces:
-        j = jump(body, g)
-        if j is not ZERO and not vanishes_on(j, g) and not fades_at(j, g) and not Poles(g).decays(j):
+        j = Poles(g).without_decaying(jump(body, g))
+        if j is not ZERO and not vanishes_on(j, g) and not fades_at(j, g):
             terms.append((g, j))
     return terms

@@ -16,9 +16,9 @@ from typing import cast
 from teg.analysis.calculus import slope
 from teg.analysis.coincidence import ZeroSet
 from teg.errors import NotDifferentiableError
-from teg.ir.expr import ZERO, Add, Call, Const, Expr, Mul, Pow, Var, Where
+from teg.ir.expr import ZERO, Add, And, Call, Cond, Const, Expr, Mul, Pow, Var, Where
 from teg.ir.node import Node, postorder
-from teg.ir.simplify import add, integer_power, mul
+from teg.ir.simplify import add, holds_with, integer_power, mul, negation, where
 from teg.ir.traverse import replace_node
 
 MAX_ORDER = 4
@@ -28,6 +28,8 @@ ODD = frozenset(("sin", "tan", "asin", "atan", "sinh", "tanh", "erf", "expm1", "
 """Functions that are 0 where their argument is 0."""
 
 
+MOST_NODES = 4000
+"""Terms that decay are looked for in jumps of up to so many nodes."""
 TAME = frozenset(("sqrt", "root", "log", "log1p", "magnitude", "sin", "cos", "atan", "tanh", "erf", "erfc", "min", "max"))
 """Functions that grow no faster than a power of their argument."""
 
@@ -69,6 +71,8 @@ class Poles:
         self.surface = surface
         self._null: dict[Expr, bool] = {}
         self._infinite: dict[Expr, bool] = {}
+        self._wild: dict[Expr, bool] = {}
+        self._decaying: dict[tuple[Expr, frozenset[Cond]], bool] = {}
 
     @cached_property
     def _zeros(self) -> ZeroSet:
@@ -108,33 +112,64 @@ class Poles:
             return node
         return mul(*others, numerator, integer_power(denominator, -1)) if n else node
 
-    def decays(self, e: Expr) -> bool:
-        """Returns whether an expression tends to 0 on the surface faster than every power, like exp(-1/u²)/u³."""
+    def without_decaying(self, e: Expr) -> Expr:
+        """Returns an expression without the terms that tend to 0 on the surface faster than every power: 1 + exp(-1/u²) is 1."""
         order = postorder([e])
-        if not any(isinstance(n, Call) and n.name == "exp" for n in order):
-            return False
-        wild: dict[Node, bool] = {}  # may grow faster than every power
-        fast: dict[Node, bool] = {}
-        for node in order:
-            parts = node.children[1:] if isinstance(node, Where) else node.children
-            wild[node] = any([wild[c] for c in parts]) or (
-                isinstance(node, Call) and node.name not in TAME and any(map(self.has, node.children))
-            )
-            match node:
-                case Add() | Where():
-                    fast[node] = all([fast[c] for c in parts])
-                case Mul():
-                    fast[node] = any([fast[c] for c in parts]) and not any([wild[c] for c in parts if not fast[c]])
-                case Pow():
-                    fast[node] = node.exponent > 0 and fast[node.base]
-                case Call(name="exp"):
-                    fast[node] = falls(node.children[0], self._is_pole, self.has)
-                case _:
-                    fast[node] = node is ZERO
-        return fast[e]
+        return self._settled(e, frozenset()) if len(order) <= MOST_NODES and any(map(self._is_fast, order)) else e
+
+    def _settled(self, e: Expr, known: frozenset[Cond]) -> Expr:
+        if self.decays(e, known):
+            return ZERO
+        match e:
+            case Add():
+                return add(*[self._settled(c, known) for c in e.children])
+            case Where():
+                then, otherwise = (known.union(_parts(c)) for c in (e.condition, negation(e.condition)))
+                return where(e.condition, self._settled(e.then, then), self._settled(e.otherwise, otherwise))
+            case Mul():
+                factors = [self._settled(f, known) for f in e.children]
+                return e if any(map(self._has_wild_function, factors)) else mul(*factors)
+            case _:
+                return e
+
+    def _is_fast(self, node: Node) -> bool:
+        """Returns whether a node is an exponential that tends to 0 on the surface faster than every power."""
+        return isinstance(node, Call) and node.name == "exp" and falls(node.children[0], self._is_pole, self.has)
+
+    def decays(self, e: Expr, known: frozenset[Cond] = frozenset()) -> bool:
+        """Returns whether an expression tends to 0 on the surface faster than every power, like exp(-1/u²)/u³, where the `known` conditions
+        hold."""
+        if (e, known) not in self._decaying:
+            self._decaying[e, known] = self._decays(e, known)
+        return self._decaying[e, known]
+
+    def _decays(self, e: Expr, known: frozenset[Cond]) -> bool:
+        match e:
+            case Add():
+                return all([self.decays(c, known) for c in e.children])
+            case Where():
+                holds, fails = e.condition, negation(e.condition)
+                then = _is_implied(fails, known) or self.decays(e.then, known.union(_parts(holds)))
+                return then and (_is_implied(holds, known) or self.decays(e.otherwise, known.union(_parts(fails))))
+            case Mul():
+                fast = [f for f in e.children if self.decays(f, known)]
+                return bool(fast) and not any(self._has_wild_function(f) for f in e.children if f not in fast)
+            case Pow():
+                return e.exponent > 0 and self.decays(e.base, known)
+            case Call(name="exp"):
+                return self._is_fast(e)
+            case _:
+                return e is ZERO
 
     def _is_pole(self, e: Expr) -> bool:
         return isinstance(e, Pow) and e.exponent < 0 and self._vanishes(e.base)
+
+    def _has_wild_function(self, e: Expr) -> bool:
+        """Returns whether a function of a pole stands in an expression: it may grow faster than every power."""
+        if e not in self._wild:
+            wild = (n for n in postorder([e]) if isinstance(n, Call) and n.name not in TAME)
+            self._wild[e] = any(any(map(self.has, n.children)) for n in wild)
+        return self._wild[e]
 
     def _leading(self, e: Expr) -> tuple[int, Expr]:
         """Returns the order of the zero of an expression, and its derivative of this order; the order is 0 if it is not known."""
@@ -163,3 +198,13 @@ class Poles:
                 null = False
             self._null[e] = null or e is self.surface or (not self.has(e) and self._zeros.annuls(e))
         return self._null[e]
+
+
+def _parts(condition: Cond) -> tuple[Cond, ...]:
+    """Returns the conditions that all hold where a condition does."""
+    return condition.children if isinstance(condition, And) else (condition,)
+
+
+def _is_implied(condition: Cond, known: frozenset[Cond]) -> bool:
+    """Returns whether a condition holds where the known ones do, by their form."""
+    return any(holds_with(condition, c) for c in known)

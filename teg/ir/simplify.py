@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
+from typing import cast
 
 from teg.errors import DeltaError
 from teg.ir.expr import (
@@ -36,6 +37,7 @@ from teg.ir.expr import (
     const,
 )
 
+_DEPTH = 6  # of sums, products and branches in which exp(c/0) is looked for
 _FLATTEN = 8  # a product inside a product is merged while it is this short: longer ones would make chains quadratic
 
 
@@ -147,7 +149,7 @@ def mul(*factors: Expr) -> Expr:
             powers[factor.base] = powers.get(factor.base, 0) + factor.exponent
         else:
             powers[factor] = powers.get(factor, 0) + 1
-    if ZERO in powers:
+    if any([_is_power_of_zero(factor) for factor in powers]):
         _settle_zeros(powers)
     if coefficient == 0.0:
         return const(math.nan) if powers.get(ZERO, 0) < 0 else ZERO  # 0/0, which a limit would decide
@@ -161,15 +163,36 @@ def mul(*factors: Expr) -> Expr:
 def _settle_zeros(powers: dict[Expr, int]) -> None:
     """Gives a product with a power of 0 its limit, in place, where another factor decides it: exp(c/0) is stronger than any power of 0, and
     pow(0, k)·0ⁿ is pow(0, k + n)."""
-    for factor in powers:
-        if isinstance(factor, Call) and factor.name == "exp" and _has_pole_at_zero(factor.children[0]):
-            del powers[ZERO]
-            return
-        if isinstance(factor, Call) and factor.name == "pow" and factor.children[0] is ZERO and powers[factor] == 1:
-            n = powers.pop(ZERO)
+    zeros = [factor for factor in powers if _is_power_of_zero(factor)]
+    if any([_is_exponential_of_pole(factor) for factor in powers]):
+        for factor in zeros:
             del powers[factor]
-            powers[call("pow", ZERO, add(factor.children[1], const(n)))] = 1
-            return
+    elif len(zeros) == 2 and ZERO in powers:
+        real = zeros[0] if zeros[1] is ZERO else zeros[1]
+        if powers[real] == 1:
+            del powers[real]
+            powers[call("pow", ZERO, add(cast(Expr, real.children[1]), const(powers.pop(ZERO))))] = 1
+
+
+def _is_power_of_zero(factor: Expr) -> bool:
+    return factor is ZERO or (isinstance(factor, Call) and factor.name == "pow" and factor.children[0] is ZERO)
+
+
+def _is_exponential_of_pole(e: Expr, depth: int = 0) -> bool:
+    """Returns whether all terms and branches of a factor have the factor exp(c/0), down to a fixed depth."""
+    if depth == _DEPTH:
+        return False
+    match e:
+        case Where():
+            return _is_exponential_of_pole(e.then, depth + 1) and _is_exponential_of_pole(e.otherwise, depth + 1)
+        case Add():
+            return all([_is_exponential_of_pole(c, depth + 1) for c in e.children])
+        case Mul():
+            return any([_is_exponential_of_pole(c, depth + 1) for c in e.children])
+        case Call(name="exp"):
+            return _has_pole_at_zero(e.children[0])
+        case _:
+            return False
 
 
 def _has_pole_at_zero(e: Expr) -> bool:
@@ -286,7 +309,7 @@ def where(condition: Cond, then: Expr, otherwise: Expr) -> Expr:
         return otherwise
     if isinstance(condition, Not):
         condition, then, otherwise = condition.operand, otherwise, then
-    if isinstance(then, Where) and _holds_with(then.condition, condition):
+    if isinstance(then, Where) and holds_with(then.condition, condition):
         then = then.then
     if isinstance(otherwise, Where) and otherwise.condition is condition:
         otherwise = otherwise.otherwise
@@ -295,7 +318,7 @@ def where(condition: Cond, then: Expr, otherwise: Expr) -> Expr:
     return then if then is otherwise else Where.make(None, (condition, then, otherwise))
 
 
-def _holds_with(c: Cond, known: Cond) -> bool:
+def holds_with(c: Cond, known: Cond) -> bool:
     """Returns whether a condition holds where another one does, by their form: it is the same, or has it for an alternative."""
     return c is known or (isinstance(c, Or) and known in c.children)
 

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from typing import cast
 
+from teg.analysis.extents import Extent
 from teg.analysis.intervals import Interval
 from teg.analysis.polynomial import Point
 from teg.analysis.surfaces import binders_inside
@@ -25,7 +26,7 @@ from teg.passes.lower.inverse_erf import inverse_of_erf, inverse_of_erfc
 from teg.passes.lower.levels import Level, Truths
 from teg.passes.lower.rounding import Rounding
 from teg.passes.lower.scaled import ByExponents
-from teg.passes.lower.vanishing import Vanishing
+from teg.passes.lower.vanishing import Underflow, Vanishing
 from teg.program import Arg, Assign
 from teg.program.operations import letter_of
 
@@ -54,7 +55,8 @@ class Emitter:
         self._points = (Point("first"), Point("second"))
         self.ranges: Mapping[Var, Interval] = {}  # of the variables of outer integrals, if they are known in numbers
         self._vanishing = Vanishing()
-        self._by_exponents = ByExponents(lambda: {v: (_number(lo), _number(hi)) for v, (lo, hi) in self.ranges.items()})
+        self._by_exponents = ByExponents(self._box)
+        self._underflow = Underflow(self._box)
 
     def fresh(self, kind: str) -> str:
         """Returns an unused name: "v…" for a number, "b…" for a boolean, "x…" for a variable."""
@@ -140,7 +142,10 @@ class Emitter:
                 by_exponents = self._by_exponents.product(e, partial(self.home_of, level=home))
                 result = self.product(e, home) if by_exponents is None else self.number(by_exponents, home)
                 small = self._vanishing.of(e)
-                return result if small is None else self._unless_vanished(small, result, home)
+                if small is not None:
+                    return self._unless_vanished(small, result, home)
+                small = self._underflow.of(e)
+                return result if small is None else self._unless_underflown(small, result, home)
             case Pow() if e.exponent >= 3 and home.constants is not None:
                 return self._power_by_products(e, home)
             case Pow():
@@ -232,6 +237,15 @@ class Emitter:
         """Returns a product, but its small factors where they are 0."""
         factor = self.number(small, home)
         return self.assign(home, "select", self.assign(home, "gt0", self.size_of(factor, home)), product, factor)
+
+    def _unless_underflown(self, small: Expr, product: Arg, home: Level) -> Arg:
+        """Returns a product, but 0 where it is not a number and its small factors are 0."""
+        factor = self.number(small, home)
+        otherwise = self.assign(home, "select", self.assign(home, "gt0", factor), product, factor)
+        return self.assign(home, "select", self.assign(home, "gt0", self.size_of(product, home)), product, otherwise)
+
+    def _box(self) -> dict[Var, Extent]:
+        return {v: (_number(lo), _number(hi)) for v, (lo, hi) in self.ranges.items()}
 
     def product(self, e: Mul, home: Level) -> Arg:
         """Returns a product. Factors are multiplied from the left, then divided by the denominators, then negated."""

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 import warnings
 
+import numpy as np
 import pytest
 
 import teg
 from teg.ir.expr import Mul
-from teg.passes.lower.vanishing import Vanishing
+from teg.passes.lower.vanishing import Underflow, Vanishing
 
 pytestmark = pytest.mark.usefixtures("x64_for_jax")
 
@@ -96,6 +97,60 @@ def test_a_step_with_a_rate(backend: str) -> None:
     assert hessian["t", "a"] == hessian["a", "t"] == pytest.approx(end / length**2, rel=1e-9)
 
 
+def moment(k: int, rate: float) -> float:
+    """∫ uᵏ·exp(-1/(1 - u²) + rate·u) over |u| < 1. The trapezoid rule is exact to rounding where all derivatives are 0 at both ends."""
+    v = np.linspace(-1.0, 1.0, 4001)[1:-1]
+    return float(np.sum(v**k * np.exp(-1.0 / (1.0 - v * v) + rate * v)) / 2000.0)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("inside", [u**2 < 1, teg.abs(x - t) < a], ids=["by squares", "by distance"])
+def test_a_bump_beside_a_function(inside: teg.Cond, backend: str) -> None:
+    """∫ bump((x - t)/a)·exp(x) dx = a·exp(t)·∫ bump(u)·exp(a·u) du. Its second derivatives were NaN."""
+    f = teg.compile(teg.integral(teg.where(inside, teg.exp(-1 / (1 - u**2)), 0) * teg.exp(x), (x, -2, 2)), [t, a], backend=backend)
+    at_t, width = math.exp(AT["t"]), AT["a"]
+    m0, m1, m2 = (moment(k, width) for k in range(3))
+    by_a = at_t * (m0 + width * m1)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert f.grad(**AT) == pytest.approx({"t": width * at_t * m0, "a": by_a}, rel=1e-10)
+        hessian = f.hessian(**AT)
+    assert hessian["t", "t"] == pytest.approx(width * at_t * m0, rel=1e-9)
+    assert hessian["t", "a"] == pytest.approx(by_a, rel=1e-9)
+    assert hessian["a", "a"] == pytest.approx(at_t * (2 * m1 + width * m2), rel=1e-9)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_bump_between_jumps(backend: str) -> None:
+    """1, then 1 + bump, then 2: at the second border the jump is 1, and the bump beside it has no part in it. Hessians were NaN."""
+    inner = 1 + teg.where(u**2 < 1, teg.exp(-1 / (1 - u**2)), 0)
+    f = teg.compile(teg.integral(teg.where(x < t - a, 1, teg.where(x > t + a, 2, inner)), (x, -2, 2)), [t, a], backend=backend)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        value, gradient = f.value_and_grad(**AT)
+        hessian = f.hessian(**AT)
+    assert value == pytest.approx(6 - AT["t"] - AT["a"] + AT["a"] * LINE, rel=1e-11)
+    assert gradient == pytest.approx({"t": -1.0, "a": LINE - 1}, rel=1e-10)
+    assert list(hessian.values()) == pytest.approx([0.0] * 4, abs=1e-10)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_real_power_beside_an_exponential(backend: str) -> None:
+    """∫ u^(-3/2)·exp(-c/u) du over (0, l) is √(π/c)·erfc(√(c/l)), here with c = 1/(2a²): the density of first passages. It was NaN."""
+    e = teg.integral(teg.where(x > t, (x - t) ** -1.5 * teg.exp(-1 / (2 * a * a * (x - t))), 0), (x, 0, 1))
+    f = teg.compile(e, [t, a], backend=backend)
+    length, rate = 1 - AT["t"], 0.5 / AT["a"] ** 2
+    end = length**-1.5 * math.exp(-rate / length)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        value, gradient = f.value_and_grad(**AT)
+        hessian = f.hessian(**AT)
+    assert value == pytest.approx(math.sqrt(math.pi / rate) * math.erfc(math.sqrt(rate / length)), rel=1e-10)
+    assert gradient["t"] == pytest.approx(-end, rel=1e-9)
+    assert hessian["t", "t"] == pytest.approx(end * (rate / length**2 - 1.5 / length), rel=1e-9)
+    assert [hessian["t", "a"], hessian["a", "t"]] == pytest.approx([-end / (length * AT["a"] ** 3)] * 2, rel=1e-9)
+
+
 def found(e: teg.Expr) -> teg.Expr | None:
     assert isinstance(e, Mul)
     return Vanishing().of(e)
@@ -110,3 +165,65 @@ def test_only_products_that_may_be_zero_times_infinity() -> None:
     assert found(teg.exp(1 / size) / size) is None
     assert found(teg.exp(-size) / size) is None
     assert found(teg.exp(-1 / a**2) / size) is None
+
+
+phi = {v: teg.exp(-v * v / 2) / math.sqrt(2 * math.pi) for v in (x, y)}
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_an_option_to_exchange(backend: str) -> None:
+    """exp(y) overflows where the normal density is 0: the gradient was NaN. Margrabe's formula: a·N(d) - t·N(d - w)."""
+    s, q = 0.2, 0.3
+    payoff = teg.maximum(a * teg.exp(s * x - s * s / 2) - t * teg.exp(q * y - q * q / 2), 0)
+    e = teg.integral(payoff * phi[x] * phi[y], (x, -math.inf, math.inf), (y, -math.inf, math.inf))
+    width = math.hypot(s, q)
+    d = math.log(1.1 / 0.9) / width + width / 2
+    up, down = (math.erfc(-v / math.sqrt(2)) / 2 for v in (d, d - width))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        value, gradient = teg.compile(e, [t, a], backend=backend).value_and_grad(t=0.9, a=1.1)
+    assert value == pytest.approx(1.1 * up - 0.9 * down, rel=1e-9)
+    assert gradient == pytest.approx({"t": -down, "a": up}, rel=1e-9)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_power_of_an_exponential(backend: str) -> None:
+    """∫ max(exp(s·x) - t, 0)^(3/2)·φ(x) dx was NaN. The reference is Gauss-Legendre in u = √(x - log(t)/s), where the root is smooth."""
+    s, strike = 0.3, 1.1
+    e = teg.integral(teg.maximum(teg.exp(s * x) - t, 0) ** a * phi[x], (x, -math.inf, math.inf))
+    nodes, weights = np.polynomial.legendre.leggauss(100)
+    v = 2.0 + 2.0 * nodes
+    at = math.log(strike) / s + v * v
+    above = np.exp(s * at) - strike
+    density = 4.0 * weights * v * np.exp(-at * at / 2) / math.sqrt(2 * math.pi)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        value, gradient = teg.compile(e, [t, a], backend=backend).value_and_grad(t=strike, a=1.5)
+    assert value == pytest.approx(float(density @ above**1.5), rel=1e-9)
+    by_power = float(density @ (above**1.5 * np.log(above)))
+    assert gradient == pytest.approx({"t": -1.5 * float(density @ above**0.5), "a": by_power}, rel=1e-9)
+
+
+def test_only_gaussians_that_fall_faster() -> None:
+    """exp(-x²/2) may be taken for 0 beside exponentials of multiples of x, and not beside exp(x·y) or exp(x³)."""
+    underflow = Underflow(dict)
+    small = teg.ir.simplify.call("exp", (-0.5) * x**2)
+
+    def taken(e: teg.Expr) -> teg.Expr | None:
+        product = teg.ir.simplify.mul(small, e)
+        assert isinstance(product, Mul)
+        return underflow.of(product)
+
+    assert taken(teg.sqrt(1 + teg.exp(a * x + y))) is small
+    assert taken(1 / (1 + teg.exp(x))) is small
+    assert taken(teg.exp(x) / teg.erfc(x)) is None
+    assert taken(teg.exp(x) / (1 - teg.tanh(x * x))) is None
+    assert taken((1 + teg.exp(y)) * (1 + x * x) ** x) is None
+    assert taken(teg.exp(x) * teg.erfc(x)) is small
+    assert taken(teg.exp(x * y) + 1) is None
+    assert taken(teg.exp(x**3) + 1) is None
+    assert taken(teg.sinh(x) * teg.exp(y)) is None
+    assert taken(teg.exp(t * x) / (1 + teg.exp(-(x**4)))) is None
+    assert taken(teg.integral(teg.exp(y), (y, 0, x**2))) is None
+    assert taken(teg.cos(x)) is None
+    assert Underflow(lambda: {x: (-1.0, 1.0)}).of(teg.ir.simplify.mul(small, teg.exp(a * x) + 1)) is None
