@@ -29,6 +29,8 @@ def on_line(inside: teg.Cond, depth: teg.Expr) -> teg.Expr:
 
 # The bump of width a around t in different words: its integral is a·LINE.
 BUMPS: dict[str, teg.Expr] = {
+    "by a distance": on_line(teg.abs(x - t) < a, 1 - u**2),
+    "by a scaled distance": on_line(teg.abs(u) < 1, 1 - u**2),
     "by squares": on_line(u**2 < 1, 1 - u**2),
     "by two conditions": on_line((x < t + a) & (x > t - a), 1 - u**2),
     "with a factor in front": math.e * on_line(u**2 < 1, 1 - u**2) / math.e,
