@@ -18,12 +18,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from fractions import Fraction
 from functools import lru_cache
 from itertools import islice
 from typing import cast
 
 from teg.analysis.calculus import slope
-from teg.analysis.evaluate import values_of
 from teg.analysis.expanded import perfect_power
 from teg.analysis.field_polynomials import coefficients, common_factor, derivative, one_root
 from teg.analysis.numeric_zeros import is_zero_on
@@ -40,6 +40,8 @@ MAX_ROOT_DEGREE = 8
 """The largest degree of polynomials whose roots in the field are computed."""
 TRIALS = 40
 """The largest number of random points tried. Half of all quadratics have no root in the field, so a few may not do."""
+SMALLEST = Fraction(2) ** -1000
+"""Numbers from it to its inverse are float64, and so are their roots."""
 POINTS = 2
 """The number of points that are enough."""
 
@@ -53,8 +55,8 @@ def short_form(g: Expr) -> Expr:
     power = perfect_power(g) if isinstance(g, Add) and any(_is_multiple(g, v) for v in sorted(g.free, key=lambda v: v.name)) else None
     if power is None:
         return _as_lines(g) if isinstance(g, Add) and len(g.free) > 1 else g
-    sign, base, k = power
-    return mul(ONE if sign > 0 else MINUS_ONE, integer_power(base, 2) if k % 2 == 0 else base)
+    factor, base, k = power
+    return mul(ONE if factor > 0 else MINUS_ONE, integer_power(base, 2) if k % 2 == 0 else base)
 
 
 def _as_lines(g: Add) -> Expr:
@@ -75,21 +77,14 @@ def _as_lines(g: Add) -> Expr:
         power = perfect_power(discriminant)
         if power is None or power[2] % 2:
             continue
-        sign, base, k = power
-        if sign < 0:
+        factor, base, k = power
+        if factor < 0:
             return curvature
-        ratio = _ratio(discriminant, integer_power(base, k))
-        middle, apart = add(mul(curvature, v), at_zero), mul(const(math.sqrt(ratio)), integer_power(base, k // 2))
+        if not SMALLEST < factor < 1 / SMALLEST:
+            continue
+        middle, apart = add(mul(curvature, v), at_zero), mul(const(math.sqrt(factor)), integer_power(base, k // 2))
         return mul(curvature, sub(middle, apart), add(middle, apart))
     return g
-
-
-def _ratio(e: Expr, f: Expr) -> float:
-    """Returns the number e/f of proportional polynomials."""
-    at = {n: 0.5 + 0.1 * i for i, n in enumerate(n for n in postorder([e, f]) if isinstance(n, Var | Param))}
-    above, below = (float(v) for v in values_of([e, f], at))
-    ratio = above / below
-    return round(ratio * 64.0) / 64.0 if abs(ratio * 64.0 - round(ratio * 64.0)) < 1e-9 * abs(ratio) else ratio
 
 
 def peeled(g: Expr, partial: bool = False) -> Expr:

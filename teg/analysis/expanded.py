@@ -136,9 +136,9 @@ def distance(lo: Expr, hi: Expr) -> Expr:
     return difference if short is None or _length(short) >= _length(difference) else short
 
 
-def perfect_power(e: Expr, exact: bool = True) -> tuple[int, Expr, int] | None:
-    """Returns (sign of c, h, k) with e = c·hᵏ, c a number and k > 1 as large as possible; None if e is no such power, or if a number in h
-    is not exact as float64. Without `exact`, the numbers in h are rounded, and e may be longer."""
+def perfect_power(e: Expr, exact: bool = True) -> tuple[Exact, Expr, int] | None:
+    """Returns (c, h, k) with e = c·hᵏ, c a number and k > 1 as large as possible; None if e is no such power, or if a number in h is not
+    exact as float64. Without `exact`, the numbers in h are rounded, and e may be longer."""
     form, generators = _normal_form(e, MOST_TERMS if exact else 4 * MOST_TERMS)
     if not form:
         return None
@@ -149,7 +149,7 @@ def perfect_power(e: Expr, exact: bool = True) -> tuple[int, Expr, int] | None:
         if base is not None:
             scale = math.lcm(*(c.denominator for c in base.values())) if exact else 1
             h = _from_form({m: c * scale for m, c in base.items()}, generators, exact)
-            return None if h is None else (1 if form[lead] > 0 else -1, h, k)
+            return None if h is None else (form[lead] / Fraction(scale) ** k, h, k)
     return None
 
 

@@ -185,3 +185,10 @@ def test_the_second_derivatives_of_crossed_lines(name: str) -> None:
 def test_sums_of_squares_have_no_surface() -> None:
     assert surfaces(canonicalise(over(teg.bracket(1 + (x - t) ** 2 > 0)))) == []
     assert surfaces(canonicalise(over(teg.bracket(1 + teg.sqrt(x - t) > 0)))) != []  # it may be undefined
+
+
+@pytest.mark.parametrize("scale", [1e-200, 1e200])
+def test_lines_of_extreme_numbers(scale: float) -> None:
+    """The number in front of a discriminant may be no float64: the condition stays as it is."""
+    condition = (scale * U) ** 2 - 3 * (scale * U) * (scale * V) + 2 * (scale * V) ** 2 > 0
+    assert canonicalise(teg.integral(teg.bracket(condition), (x, -1, 1), (y, -1, 1))).has_integral
