@@ -72,7 +72,7 @@ def _as_lines(g: Add) -> Expr:
         curvature = slope(rate, v)
         at_zero = cast(Expr, substitute(rate, {v: ZERO}))
         discriminant = sub(integer_power(at_zero, 2), mul(const(2.0), curvature, cast(Expr, substitute(g, {v: ZERO}))))
-        if curvature.free or not any(_is_multiple(discriminant, w) for w in sorted(g.free - {v}, key=lambda w: w.name)):
+        if not isinstance(curvature, Const) or not any(_is_multiple(discriminant, w) for w in sorted(g.free - {v}, key=lambda w: w.name)):
             continue
         power = perfect_power(discriminant)
         if power is None or power[2] % 2:
@@ -215,8 +215,7 @@ def _without_function(g: Expr, partial: bool) -> Expr | None:
             continue
         if k % 2:
             return sub(roots[0], roots[1])
-        u, v, _ = without_denominators(roots[0], roots[1])  # so that 1 - (x/a)² has the surfaces of |x| < a
-        return mul(sub(u, v), add(u, v))
+        return mul(sub(roots[0], roots[1]), add(roots[0], roots[1]))
     return None
 
 

@@ -59,7 +59,7 @@ class Canonical:
     def __init__(self) -> None:
         self._points = (Point("first"), Point("second"))
         self._known: dict[int, Expr] = {}
-        self._scaled: dict[int, tuple[Expr, Expr]] = {}
+        self._scaled: dict[int, Expr] = {}
         self._new: dict[Node, Node] = {}
         self._extremes = Extremes()
 
@@ -141,9 +141,9 @@ class Canonical:
         return disjunction(conjunction(above, plus), conjunction(negation(above), minus))
 
     def _representatives(self, g: Expr) -> list[tuple[Expr, bool]]:
-        """Returns the surfaces whose signs together are that of g: one met before, and the denominators in which g differs from it.
+        """Returns the surfaces whose signs together are that of g: one met before, and the denominators by which g is divided.
 
-        So 1 - x/a and a - x are one surface.
+        So 1 - x/a is the surface a - x and the sign of a. Not the other way round: a - x has a sign where a is 0.
         """
         surface, same = self._representative(g)
         if surface is not g or not isinstance(g, Add) or not g.free:
@@ -153,14 +153,16 @@ class Canonical:
         first, second = (p.value(numerator) for p in self._points)
         if not (first and second):
             return [(surface, same)]
-        known, denominator = self._scaled.setdefault(divided(second, first), (g, below))
-        other = None if known is g else self._points[0].value(mul(known, denominator))
+        if below is ex.ONE:
+            known = self._scaled.setdefault(divided(second, first), g)
+        else:
+            known = self._scaled.get(divided(second, first), g)
+        other = None if known is g else self._points[0].value(known)
         sign = sign_of_residue(divided(first, other)) if other else None
         if sign is None or not known.free <= g.free:
             return [(surface, same)]
-        signs = [_signed_factors(d) for d in (denominator, below)]
-        upward = math.prod(s for s, _ in signs) * sign > 0
-        return [(known, upward), *(self._representative(f) for _, factors in signs for f in factors)]
+        sign_below, factors = _signed_factors(below)
+        return [(known, sign * sign_below > 0), *(self._representative(f) for f in factors)]
 
     def _representative(self, g: Expr) -> tuple[Expr, bool]:
         """Returns the expression that stands for the surface, and whether it has the sign of g."""

@@ -136,7 +136,10 @@ def test_factors_that_cancel_but_for_a_denominator() -> None:
 
 
 def test_a_difference_of_squares_has_the_surfaces_of_a_distance() -> None:
-    assert surfaces(canonicalise(over(teg.bracket(((x - t) / a) ** 2 < 1) * teg.bracket(x - t < a)))) == ["a + x - t", "a - (x - t)"]
+    assert surfaces(canonicalise(over(teg.bracket((x - t < a) & (t - x < a)) * teg.bracket(((x - t) / a) ** 2 < 1)))) == [
+        "a + x - t",
+        "a - (x - t)",
+    ]
 
 
 U, V = x - t, y - a
@@ -192,3 +195,22 @@ def test_lines_of_extreme_numbers(scale: float) -> None:
     """The number in front of a discriminant may be no float64: the condition stays as it is."""
     condition = (scale * U) ** 2 - 3 * (scale * U) * (scale * V) + 2 * (scale * V) ** 2 > 0
     assert canonicalise(teg.integral(teg.bracket(condition), (x, -1, 1), (y, -1, 1))).has_integral
+
+
+def test_a_surface_keeps_its_sign_where_a_denominator_of_another_one_is_0() -> None:
+    """x < a at a = 0, beside a program divided by a that is not used there."""
+    e = teg.where(a > 0, over(teg.bracket(1 - x / a > 0)), 0) + teg.integral(teg.bracket(a - x > 0), (x, -1, 1))
+    f = teg.compile(e, [a], backend="numpy")
+    assert f(a=0.0) == pytest.approx(1.0, rel=1e-14)
+    assert f(a=0.5) == pytest.approx(2.0, rel=1e-14)
+
+
+@pytest.mark.parametrize("slope", [0.0, 1e-9, -0.4, 0.4])
+def test_two_lines_of_which_one_may_be_upright(slope: float) -> None:
+    """(c·U - V)(U - V) expanded, with a number or 0 in front of U² and V²: at c = 0 its curvature in x is 0."""
+    expanded = c * U**2 - (c + 1) * U * V + V**2 > 0
+    areas = [
+        teg.evaluate(teg.integral(teg.bracket(condition), (x, -1, 1), (y, -1, 1)), {t: 0.3, a: 0.2, c: slope})
+        for condition in (expanded, (c * U - V) * (U - V) > 0)
+    ]
+    assert areas[0] == pytest.approx(areas[1], rel=1e-9)
