@@ -105,7 +105,10 @@ class Canonical:
             numerator, denominator = cleared(g)
             g = mul(numerator, denominator)
         sign, factors = _signed_factors(g)
-        surfaces, sign = _without_squares([surface for factor in factors for surface in self._representatives(factor)], sign)
+        found = [self._representatives(factor) for factor in factors]
+        surfaces, sign = _without_squares([s for own, _ in found for s in own], sign)
+        below, sign = _without_squares([s for _, denominators in found for s in denominators], sign, parameters_too=True)
+        surfaces += below
         if not surfaces:
             return TRUE if sign > 0 or (sign == 0 and not strict) else FALSE
         above, below = _side(surfaces[-1], strict, sign > 0), _side(surfaces[-1], strict, sign < 0)
@@ -140,19 +143,19 @@ class Canonical:
         minus = negation(positive(numerator, not strict, negation(resolution), atom.rivals))
         return disjunction(conjunction(above, plus), conjunction(negation(above), minus))
 
-    def _representatives(self, g: Expr) -> list[tuple[Expr, bool]]:
-        """Returns the surfaces whose signs together are that of g: one met before, and the denominators by which g is divided.
+    def _representatives(self, g: Expr) -> tuple[list[tuple[Expr, bool]], list[tuple[Expr, bool]]]:
+        """Returns the surfaces whose signs together are that of g: one met before, and apart the denominators by which g is divided.
 
         So 1 - x/a is the surface a - x and the sign of a. Not the other way round: a - x has a sign where a is 0.
         """
         surface, same = self._representative(g)
         if surface is not g or not isinstance(g, Add) or not g.free:
-            return [(surface, same)]
+            return [(surface, same)], []
         *terms, below = without_denominators(*g.children)
         numerator = add(*terms) if below is not ex.ONE else g
         first, second = (p.value(numerator) for p in self._points)
         if not (first and second):
-            return [(surface, same)]
+            return [(surface, same)], []
         if below is ex.ONE:
             known = self._scaled.setdefault(divided(second, first), g)
         else:
@@ -160,9 +163,9 @@ class Canonical:
         other = None if known is g else self._points[0].value(known)
         sign = sign_of_residue(divided(first, other)) if other else None
         if sign is None or not known.free <= g.free:
-            return [(surface, same)]
+            return [(surface, same)], []
         sign_below, factors = _signed_factors(below)
-        return [(known, sign * sign_below > 0), *(self._representative(f) for f in factors)]
+        return [(known, sign * sign_below > 0)], [self._representative(f) for f in factors]
 
     def _representative(self, g: Expr) -> tuple[Expr, bool]:
         """Returns the expression that stands for the surface, and whether it has the sign of g."""
@@ -417,15 +420,20 @@ def _signed_factors(g: Expr) -> tuple[float, list[Expr]]:
     return sign, factors
 
 
-def _without_squares(surfaces: list[tuple[Expr, bool]], sign: float) -> tuple[list[tuple[Expr, bool]], float]:
-    """Returns the surfaces of a product without those that stand twice, whose signs cancel, and the sign that is left."""
-    kept: dict[Expr, bool] = {}
+def _without_squares(surfaces: list[tuple[Expr, bool]], sign: float, parameters_too: bool = False) -> tuple[list[tuple[Expr, bool]], float]:
+    """Returns the surfaces of a product without those that stand twice, whose signs cancel, and the sign that is left.
+
+    A factor without variables may be 0 everywhere, and stays, but for denominators.
+    """
+    kept: list[tuple[Expr, bool]] = []
     for surface, same in surfaces:
-        if surface in kept:
-            sign = sign if kept.pop(surface) == same else -sign
+        twin = next((s for s in kept if s[0] is surface), None) if surface.free or parameters_too else None
+        if twin is None:
+            kept.append((surface, same))
         else:
-            kept[surface] = same
-    return list(kept.items()), sign
+            kept.remove(twin)
+            sign = sign if twin[1] == same else -sign
+    return kept, sign
 
 
 def _is_sum_of_squares(e: Add) -> bool:

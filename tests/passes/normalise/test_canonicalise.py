@@ -214,3 +214,8 @@ def test_two_lines_of_which_one_may_be_upright(slope: float) -> None:
         for condition in (expanded, (c * U - V) * (U - V) > 0)
     ]
     assert areas[0] == pytest.approx(areas[1], rel=1e-9)
+
+
+@pytest.mark.parametrize(("s", "expected"), [(0.0, 0.0), (2.0, 0.3), (-2.0, 0.3)])
+def test_a_parameter_that_is_a_factor_twice_may_be_0(s: float, expected: float) -> None:
+    assert teg.evaluate(over(teg.bracket(a * (a * t - a * x) > 0)), {a: s, t: 0.3}) == pytest.approx(expected, abs=1e-15)
