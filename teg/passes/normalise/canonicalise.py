@@ -107,8 +107,8 @@ class Canonical:
         sign, factors = _signed_factors(g)
         found = [self._representatives(factor) for factor in factors]
         surfaces, sign = _without_squares([s for own, _ in found for s in own], sign)
-        below, sign = _without_squares([s for _, denominators in found for s in denominators], sign, parameters_too=True)
-        surfaces += below
+        denominators, sign = _without_squares([s for _, under in found for s in under], sign, parameters_too=True)
+        surfaces += denominators
         if not surfaces:
             return TRUE if sign > 0 or (sign == 0 and not strict) else FALSE
         above, below = _side(surfaces[-1], strict, sign > 0), _side(surfaces[-1], strict, sign < 0)
