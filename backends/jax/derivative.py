@@ -38,7 +38,7 @@ from jax.interpreters import ad, batching, mlir
 
 from teg.backends.jax.apart import once
 from teg.backends.jax.kernel import JaxKernel, compile_jax
-from teg.backends.jax.loops import ArrayFunction
+from teg.backends.jax.loops import BLOCK, WIDE_BLOCK, ArrayFunction
 from teg.backends.jax.options import compiler_options
 from teg.backends.jax.precision import in_double_precision
 from teg.program import Program
@@ -71,30 +71,32 @@ class Family:
         self.integers, self.indices = tuple(integers), tuple(indices)
         self.entries: tuple[Family, ...] = tuple(entries) or (self,)
         self.native = native
-        self._kernels: dict[int, Callable[..., Any]] = {}
+        self._kernels: dict[tuple[int, int], Callable[..., Any]] = {}
         self._numbers: dict[int, int] = {}
         self._eager: dict[tuple[int, Batch, str], Callable[..., list[Any]]] = {}
-        self._functions: dict[tuple[int, Batch, str], Callable[..., tuple[Any, ...]]] = {}
+        self._functions: dict[tuple[int, Batch, str, int], Callable[..., tuple[Any, ...]]] = {}
         self._lock = threading.RLock()
 
     def __repr__(self) -> str:
         return f"<derivatives of {len(self.entries)} by {self.moving}>"
 
-    def kernel(self, order: int) -> Callable[[Operands], list[Any]]:
-        """The function of the operands of one element of a batch: the values, gradients, or the leaves of the derivative."""
+    def kernel(self, order: int, room: int) -> Callable[[Operands], list[Any]]:
+        """The function of the operands of one element of a batch: the values, gradients, or the leaves of the derivative. Of the
+        iterations of a sum `room` may run at a time."""
         with self._lock:
-            if order not in self._kernels:
+            if (order, room) not in self._kernels:
                 program = self.programs(order)
                 with in_double_precision():
-                    self._kernels[order] = self._arrays(program, order) if isinstance(program, ArrayProgram) else _numbers(program)
-            return self._kernels[order]
+                    made = self._arrays(program, order, room) if isinstance(program, ArrayProgram) else _numbers(program)
+                self._kernels[order, room] = made
+            return self._kernels[order, room]
 
     def _are_arrays(self, order: int) -> list[bool]:
         """Which operands of the program of an order are arrays."""
         return [*self.arrays, *self.arrays[: self.moving] * max(order, 0)]
 
-    def _arrays(self, program: ArrayProgram, order: int) -> Callable[[Operands], list[Any]]:
-        run = ArrayFunction(program, compile_jax)
+    def _arrays(self, program: ArrayProgram, order: int, room: int) -> Callable[[Operands], list[Any]]:
+        run = ArrayFunction(program, compile_jax, room)
         flags = self._are_arrays(order)
 
         def kernel(operands: Operands) -> list[Any]:
@@ -104,16 +106,16 @@ class Family:
 
         return kernel
 
-    def function(self, order: int, batch: Batch, dtype: str) -> Callable[..., tuple[Any, ...]]:
+    def function(self, order: int, batch: Batch, dtype: str, room: int) -> Callable[..., tuple[Any, ...]]:
         """What the primitive computes, jitted: nested maps of the kernel."""
-        key = order, batch, dtype
+        key = order, batch, dtype, room
         with self._lock:
             if key not in self._functions:
                 self._functions[key] = self._function(*key)
             return self._functions[key]
 
-    def _function(self, order: int, batch: Batch, dtype: str) -> Callable[..., tuple[Any, ...]]:
-        kernel = self.kernel(order)
+    def _function(self, order: int, batch: Batch, dtype: str, room: int) -> Callable[..., tuple[Any, ...]]:
+        kernel = self.kernel(order, room)
 
         def one(*operands: Any) -> tuple[Any, ...]:
             found = kernel([v.astype(jnp.float64) if jnp.issubdtype(v.dtype, jnp.floating) else v for v in operands])
@@ -261,17 +263,18 @@ def _front(batch: Batch, i: int, level: int | None = None) -> int:
     return sum(axes[i] is not None for axes in (batch if level is None else batch[:level]))
 
 
-def _lower(context: Any, *operands: Any, family: Family, order: int, batch: Batch, dtype: str) -> Any:
+def _lower(context: Any, *operands: Any, family: Family, order: int, batch: Batch, dtype: str, room: int = WIDE_BLOCK) -> Any:
     """The kernel, traced as if there were no mesh: it is a function of each element, wherever that lies."""
     plain = [jax.core.ShapedArray(v.shape, v.dtype) for v in context.avals_in]
     with in_double_precision(), jax.sharding.use_abstract_mesh(NOWHERE):
-        return mlir.lower_fun(family.function(order, batch, dtype), multiple_results=True)(context.replace(avals_in=plain), *operands)
+        function = family.function(order, batch, dtype, room)
+        return mlir.lower_fun(function, multiple_results=True)(context.replace(avals_in=plain), *operands)
 
 
 def _lower_for_cpu(context: Any, *operands: Any, family: Family, order: int, batch: Batch, dtype: str) -> Any:
     """A call of the compiled kernel, for families that have one."""
     if family.native is None or not operands:
-        return _lower(context, *operands, family=family, order=order, batch=batch, dtype=dtype)
+        return _lower(context, *operands, family=family, order=order, batch=batch, dtype=dtype, room=BLOCK)
     with in_double_precision():
         return mlir.lower_fun(family.native_function(order, batch, dtype), multiple_results=True)(context, *operands)
 

@@ -2,9 +2,10 @@
 
     ArrayFunction(program, compile)  ->  a function of scalars and arrays: every output, and a note
 
-As in `numpy_arrays`, iterations become lanes: a loop's are numbered through, in blocks of at most 2¹⁷ (fewer where an iteration has many
+As in `numpy_arrays`, iterations become lanes: a loop's are numbered through, in blocks of at most `room` (fewer where an iteration has many
 nodes); flat programs run on all lanes of a block, mapped; sums are segment sums, entries gathers, and derivatives by arrays scatter-adds.
-Blocks are the steps of a `lax.scan`. Lanes behind the last iteration repeat it, and what they give is dropped.
+Where a loop has one range on all lanes its blocks are whole lanes, and its sums those of the rows of a matrix. Blocks are the steps of a
+`lax.scan`. Lanes behind the last iteration repeat it, and what they give is dropped.
 
 Shapes are static: how many iterations a loop has is found out before it is traced (`Extents`), from the shapes and the integer
 parameters, and where the bounds of a loop depend on index arrays, from their entries. Else these may be traced. This module imports JAX.
@@ -24,6 +25,7 @@ from jax import lax
 from teg.backends.jax.cells import cells_on_host, cells_with_most
 from teg.backends.jax.kernel import JaxKernel
 from teg.backends.jax.runtime import union
+from teg.backends.jax.scatters import added, added_by_rows
 from teg.backends.plan import exactly
 from teg.backends.shared.cells import most_candidates
 from teg.errors import ArrayIndexError
@@ -57,8 +59,8 @@ _JAX: dict[str, Callable[[Any, Any], Any]] = {
     "add": operator.add, "sub": operator.sub, "mul": operator.mul, "floordiv": operator.floordiv, "mod": operator.mod,
     "min": jnp.minimum, "max": jnp.maximum,
 }  # fmt: skip
-BLOCK = 2**17
-"""Iterations that run at a time, at most."""
+BLOCK, WIDE_BLOCK = 2**17, 2**22
+"""Iterations that run at a time, at most: on CPUs, whose caches hold so many, and on other devices, which need as many to be busy."""
 
 
 Targets = dict[int | str, Any]
@@ -66,15 +68,16 @@ Targets = dict[int | str, Any]
 
 
 class ArrayFunction:
-    """A program as a function; `source` is the text of its flat programs."""
+    """A program as a function; `source` is the text of its flat programs, `room` how many iterations may run at a time."""
 
-    def __init__(self, program: ArrayProgram, compile: Callable[[Program], JaxKernel]) -> None:
+    def __init__(self, program: ArrayProgram, compile: Callable[[Program], JaxKernel], room: int = BLOCK) -> None:
         self.program = program
         kernels = {id(s): compile(s.program) for s in steps(program.body) if isinstance(s, Run)}
         self.source = "\n".join(k.source for k in kernels.values())
         self._runs = {k: kernel.run for k, kernel in kernels.items()}
         self._traced = _from_index_arrays(program)
-        self._blocks = {id(s): _block_size(s, kernels) for s in steps(program.body) if isinstance(s, Loop)}
+        self.add = added if room <= BLOCK else added_by_rows
+        self._blocks = {id(s): _block_size(s, kernels, room) for s in steps(program.body) if isinstance(s, Loop)}
 
     def __call__(self, scalars: Sequence[Any], arrays: Sequence[Any], indices: Sequence[Any] = ()) -> tuple[list[Any], Any]:
         """The outputs, and the note. A scalar is a number, an integer parameter an `int`; an array has its shape. `indices` are the
@@ -148,20 +151,19 @@ class _Trace:
                     targets[step.table] = jnp.zeros((_of(step.rows, lanes), step.columns))
                     lanes.values[step.table] = 0
                 case AddTo():
-                    row = jnp.broadcast_to(_of(step.row, lanes), (lanes.size,))
-                    terms = _live(jnp.broadcast_to(_of(step.value, lanes), (lanes.size,)), lanes)
-                    place = targets[step.table].at[row, step.column]
-                    targets[step.table] = place.add(terms, mode="drop", wrap_negative_indices=False)
+                    targets[step.table] = self._added(targets[step.table], (step.row, step.column), step.value, lanes)
                 case Take():
                     rows = _of(step.table, lanes) + _of(step.row, lanes)
                     table = targets[step.table] if step.table in targets else self.tables[step.table]
                     known = not self.function._traced.intersection([step.row])
                     lanes.values[step.name] = table[rows, step.column] if known else _row_of(table, rows, step.column)
                 case Scatter():
-                    places = tuple(jnp.broadcast_to(_of(p, lanes), (lanes.size,)) for p in step.subscripts)
-                    terms = _live(jnp.broadcast_to(_of(step.value, lanes), (lanes.size,)), lanes)
-                    targets[step.output] = targets[step.output].at[places].add(terms, mode="drop", wrap_negative_indices=False)
+                    targets[step.output] = self._added(targets[step.output], step.subscripts, step.value, lanes)
         return targets, note
+
+    def _added(self, target: Any, places: Sequence[Arg], value: Arg, lanes: _Lanes) -> Any:
+        terms = _live(jnp.broadcast_to(_of(value, lanes), (lanes.size,)), lanes)
+        return self.function.add(target, [_of(p, lanes) for p in places], terms)
 
     def _integers(self, step: Integers, lanes: _Lanes) -> Any:
         if step.op == "length":
@@ -265,45 +267,90 @@ class _Trace:
         lanes.values[step.table] = lanes.values[step.of[0]]
 
     def _loop(self, step: Loop, lanes: _Lanes, targets: Targets, note: Any) -> tuple[Targets, Any]:
-        total = self.lengths[id(step)]
+        lo, hi, cap = _of(step.lo, lanes), _of(step.hi, lanes), self.function._blocks[id(step)]
         sums = jnp.zeros((len(step.results), lanes.size))
-        if total:
-            cap = self.function._blocks[id(step)]
-            count = -(-total // cap)
-            if count > 1 and not any(isinstance(s, Loop) for s in step.body):
-                cap = -(-total // count)  # little is wasted in the last block
-            lo, hi = _of(step.lo, lanes), _of(step.hi, lanes)
-            ends = None
-            if not (isinstance(lo, int) and isinstance(hi, int) and lanes.live is None):
-                length = jnp.broadcast_to(jnp.asarray(hi - lo, jnp.int64), (lanes.size,))
-                length = jnp.maximum(length, 0)
-                ends = jnp.cumsum(length if lanes.live is None else jnp.where(lanes.live, length, 0))
-
-            def part(start: Any, size: int, known: int | None, targets: Targets, note: Any) -> tuple[Any, Targets, Any]:
-                inner, parent = self._inside(step, lanes, _Block(start, size, known), total, ends)
-                targets, note = self.block(step.body, inner, targets, note)
-                terms = [_live(jnp.broadcast_to(jnp.asarray(_of(v, inner), jnp.float64), (size,)), inner) for v in step.values]
-                if not terms:
-                    return jnp.zeros((0, lanes.size)), targets, note
-                if lanes.size == 1:
-                    return jnp.sum(jnp.stack(terms), axis=1)[:, None], targets, note
-                added = jax.ops.segment_sum(jnp.stack(terms, axis=1), parent, lanes.size, indices_are_sorted=True)
-                return added.T, targets, note
-
-            if count == 1:
-                sums, targets, note = part(0, total, total, targets, note)
-            else:
-
-                def block(carried: Any, start: Any) -> tuple[Any, None]:
-                    sums, targets, note = carried
-                    added, targets, note = part(start, cap, None, targets, note)
-                    return (sums + added, targets, note), None
-
-                (sums, targets, note), _ = lax.scan(block, (sums, targets, note), jnp.arange(0, total, cap))
+        if not self.lengths[id(step)]:
+            pass
+        elif isinstance(lo, int) and isinstance(hi, int) and lanes.size > 1 and hi - lo <= cap:
+            sums, targets, note = self._in_rows(step, lanes, targets, note)
+        else:
+            sums, targets, note = self._in_segments(step, lanes, targets, note)
         if lanes.size == 1 and lanes.live is None:
             sums = sums[:, 0]  # the program's own level: numbers
         lanes.values.update(zip(step.results, sums, strict=True))
         return targets, note
+
+    def _in_rows(self, step: Loop, lanes: _Lanes, targets: Targets, note: Any) -> tuple[Any, Targets, Any]:
+        """The sums of a loop that has the same range on all lanes, the targets, and the note: a block has whole lanes, one in a row."""
+        first, end = _of(step.lo, lanes), _of(step.hi, lanes)
+        width = end - first
+        rows = min(self.function._blocks[id(step)] // width, lanes.size)
+        count = -(-lanes.size // rows)
+        if not any(isinstance(s, Loop) for s in step.body):
+            rows = -(-lanes.size // count)  # little is wasted in the last block
+
+        def spread(column: Any) -> Any:
+            return jnp.broadcast_to(column[:, None], (rows, width)).reshape(-1)
+
+        def block(carried: Any, start: Any) -> Any:
+            targets, note = carried
+            own, live, values = start + jnp.arange(rows), lanes.live, lanes.values
+            if count > 1:
+                known = jnp.where(own < lanes.size, own, 0)
+                values = {name: v[known] if getattr(v, "ndim", 0) else v for name, v in values.items()}
+                live = (own < lanes.size) if live is None else (own < lanes.size) & live[known]
+            values = {name: spread(v) if getattr(v, "ndim", 0) else v for name, v in values.items()}
+            values[step.index] = jnp.broadcast_to(first + jnp.arange(width), (rows, width)).reshape(-1)
+            inner = _Lanes(values, rows * width, None if live is None else spread(live))
+            targets, note = self.block(step.body, inner, targets, note)
+            terms = [_live(jnp.broadcast_to(jnp.asarray(_of(v, inner), jnp.float64), (inner.size,)), inner) for v in step.values]
+            return (targets, note), [jnp.sum(term.reshape(rows, width), axis=1) for term in terms]
+
+        if count == 1:
+            (targets, note), sums = block((targets, note), 0)
+        else:
+            (targets, note), parts = lax.scan(block, (targets, note), jnp.arange(0, count * rows, rows))
+            sums = [part.reshape(-1)[: lanes.size] for part in parts]
+        return sums, targets, note
+
+    def _in_segments(self, step: Loop, lanes: _Lanes, targets: Targets, note: Any) -> tuple[Any, Targets, Any]:
+        """The sums of a loop, the targets, and the note."""
+        total, cap = self.lengths[id(step)], self.function._blocks[id(step)]
+        lo, hi = _of(step.lo, lanes), _of(step.hi, lanes)
+        ends = None
+        if isinstance(lo, int) and isinstance(hi, int) and lanes.live is None:
+            total = lanes.size * (hi - lo)
+        else:
+            length = jnp.broadcast_to(jnp.asarray(hi - lo, jnp.int64), (lanes.size,))
+            length = jnp.maximum(length, 0)
+            ends = jnp.cumsum(length if lanes.live is None else jnp.where(lanes.live, length, 0))
+        count = -(-total // cap)
+        if count > 1 and not any(isinstance(s, Loop) for s in step.body):
+            cap = -(-total // count)  # little is wasted in the last block
+
+        def part(start: Any, size: int, known: int | None, targets: Targets, note: Any) -> tuple[Any, Targets, Any]:
+            inner, parent = self._inside(step, lanes, _Block(start, size, known), total, ends)
+            targets, note = self.block(step.body, inner, targets, note)
+            terms = [_live(jnp.broadcast_to(jnp.asarray(_of(v, inner), jnp.float64), (size,)), inner) for v in step.values]
+            if not terms:
+                return jnp.zeros((0, lanes.size)), targets, note
+            if lanes.size == 1:
+                return jnp.sum(jnp.stack(terms), axis=1)[:, None], targets, note
+            if self.function.add is added_by_rows:
+                return jnp.stack([added_by_rows(jnp.zeros(lanes.size), [parent], term) for term in terms]), targets, note
+            found = jax.ops.segment_sum(jnp.stack(terms, axis=1), parent, lanes.size, indices_are_sorted=True)
+            return found.T, targets, note
+
+        if count == 1:
+            return part(0, total, total, targets, note)
+
+        def block(carried: Any, start: Any) -> tuple[Any, None]:
+            sums, targets, note = carried
+            found, targets, note = part(start, cap, None, targets, note)
+            return (sums + found, targets, note), None
+
+        sums = jnp.zeros((len(step.results), lanes.size))
+        return lax.scan(block, (sums, targets, note), jnp.arange(0, total, cap))[0]
 
     def _inside(self, step: Loop, lanes: _Lanes, block: _Block, total: int, ends: Any) -> tuple[_Lanes, Any]:
         """The lanes of a block of iterations, and the outer lane of each."""
@@ -366,9 +413,10 @@ def _live(terms: Any, lanes: _Lanes) -> Any:
     return terms if lanes.live is None else jnp.where(lanes.live, terms, 0.0)
 
 
-def _block_size(loop: Loop, kernels: Mapping[int, JaxKernel]) -> int:
-    """How many iterations of a loop run at a time: so many that their nodes fit."""
-    return min([BLOCK, *(kernels[id(s)]._step for s in loop.body if isinstance(s, Run))])
+def _block_size(loop: Loop, kernels: Mapping[int, JaxKernel], room: int) -> int:
+    """How many iterations of a loop run at a time: so many that their nodes fit. With room for more there is memory for more nodes too."""
+    times = max(1, room // (4 * BLOCK))
+    return min([room, *(times * kernels[id(s)]._step for s in loop.body if isinstance(s, Run))])
 
 
 Whole = Any  # an int, or an array of them, one a lane

@@ -15,6 +15,7 @@ platforms, which have kernels with several results, get the function as it is. T
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import Any
@@ -28,6 +29,8 @@ from jax.interpreters import ad, batching, mlir
 
 from teg.backends.jax.apart import COSTLY
 
+EVEN = 2**17
+"""Elements of a batch from which on its length must be odd."""
 MOST = 14
 """Complex numbers and truth values of one kernel: XLA allows 15 ways from a value to the results."""
 
@@ -72,6 +75,19 @@ def _mapped(operands: Sequence[Any], axes: Sequence[Any], *, function: Any) -> t
 
 def _jvp(primals: Sequence[Any], tangents: Sequence[Any], *, function: Any) -> tuple[Any, Any]:
     return jax.jvp(partial(_plain, function=function), tuple(primals), tuple(map(ad.instantiate_zeros, tangents)))
+
+
+def _in_one_kernel(*operands: Any, function: Any) -> list[Any]:
+    """The same where kernels have several results. No sum over the batch is fused with them, and the batch has an odd length: of an even one
+    each thread of a GPU computes two or four elements at a time, for which it has too few registers. Either makes a long kernel three
+    times as slow."""
+    shape, flat = _flat(operands)
+    size = math.prod(shape)
+    more = int(size >= EVEN and size % 2 == 0)
+    flat = [jnp.pad(v, (0, more)) if more else v for v in flat]
+    run = jaxpr_as_fun(function)
+    results = lax.optimization_barrier((jax.vmap(run) if shape else run)(*flat))
+    return [v[:size].reshape(shape) if shape else v for v in results]
 
 
 # -- on CPUs -----------------------------------------------------------------------------------------------------------
@@ -202,5 +218,5 @@ together_p.def_impl(_plain)
 together_p.def_abstract_eval(_abstract)
 batching.primitive_batchers[together_p] = _mapped
 ad.primitive_jvps[together_p] = _jvp
-mlir.register_lowering(together_p, mlir.lower_fun(_plain, multiple_results=True))
+mlir.register_lowering(together_p, mlir.lower_fun(_in_one_kernel, multiple_results=True))
 mlir.register_lowering(together_p, mlir.lower_fun(_in_kernels, multiple_results=True), platform="cpu")

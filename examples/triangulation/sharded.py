@@ -140,7 +140,7 @@ class ShardedLoss:
         boxes = bounding_boxes(vertices[self.triangles], self.size)
         if self.by == "pairs":
             places, window = shared_pairs(boxes, self.count), (0, 0)
-            looked_at = int(np.sum(places[:, 0] < len(boxes)))
+            looked_at = int(np.sum((boxes[:, 1] - boxes[:, 0]) * (boxes[:, 3] - boxes[:, 2])))
         else:
             places, window = windows(boxes, self.size, len(self._faces))
             looked_at = len(boxes) * window[0] * window[1]
@@ -185,11 +185,12 @@ def pairs_of(boxes: np.ndarray) -> np.ndarray:
 def shared_pairs(boxes: np.ndarray, devices: int) -> np.ndarray:
     """Returns evenly distributed pairs, (p, 3).
 
-    After the last pair come pairs of the triangle behind the last one with the first pixel.
+    After the last pair come pairs without a common part: the first pixel, and a triangle that is elsewhere, or the one behind the last.
     """
     pairs = pairs_of(boxes)
     room = devices * _rounded(-(-len(pairs) // devices))
-    return np.concatenate([pairs, np.broadcast_to([len(boxes), 0, 0], (room - len(pairs), 3))])
+    elsewhere = np.append(np.any(boxes[:, ::2] > 0, axis=1), True)
+    return np.concatenate([pairs, np.broadcast_to([np.argmax(elsewhere), 0, 0], (room - len(pairs), 3))])
 
 
 def windows(boxes: np.ndarray, size: int, faces: int) -> tuple[np.ndarray, tuple[int, int]]:

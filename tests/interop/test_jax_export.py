@@ -111,8 +111,6 @@ def test_derivatives_of_a_picture_are_summed_over_the_pixels_of_a_face_before_th
         ("7x2", faces): 6,  # the coordinates of three corners
         (f"{faces}x3", faces): 3,
     }
-    sums = [(into.split("x")[0], int(rows), moments) for into, rows, moments in scatters if into not in ("7x2", f"{faces}x3")]
-    pixels = faces * height * width
-    # all moments of a pixel are added to those of its row at once, and those of a row to those of its face
-    assert [(into, rows) for into, rows, _ in sums] == [(str(faces * height), pixels), (str(faces), faces * height)]
-    assert all(moments.startswith("x") for _, _, moments in sums)
+    assert all(into in ("7x2", f"{faces}x3") for into, _, _ in scatters)  # sums of pixels and rows are sums of the rows of matrices
+    matrices = re.findall(r"stablehlo.reduce\(.*applies stablehlo.add across dimensions = \[1\] : \(tensor<(\d+x\d+)xf64>", text)
+    assert {f"{faces * height}x{width}", f"{faces}x{height}"} <= set(matrices)

@@ -1,9 +1,10 @@
-"""`teg.jax_function` of programs with arrays and sums, against the C backend."""
+"""Programs with arrays and sums as operations of XLA, against the C backend."""
 
 from __future__ import annotations
 
 import pickle
 import shutil
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -35,6 +36,7 @@ OF_GATHERED = {
 OF_RAGGED = {"t": np.float64(0.6), "V": rng.uniform(0.5, 1.5, (11, 2)), "C": rng.uniform(0.2, 1, 5), "S": np.array([0, 3, 3, 4, 9, 11])}
 BOTH = [pytest.param(GATHERED, OF_GATHERED, "F", id="gathered"), pytest.param(RAGGED, OF_RAGGED, "S", id="ragged")]
 x64 = pytest.mark.usefixtures("x64")
+xla_function = partial(teg.jax_function, kernel="xla")
 
 
 def close(found: Any, wanted: Any, tolerance: float = 1e-12) -> None:
@@ -47,7 +49,7 @@ def real(values: dict[str, Any]) -> dict[str, Any]:
 
 def compare(e: Any, values: dict[str, Any], index: str, tolerance: float = 1e-12) -> None:
     """Value and gradient, and the product of the Hessian and a direction forward and in reverse."""
-    f, exact = teg.jax_function(e, indices={index: values[index]}), teg.compile(e, backend=EXACT)
+    f, exact = xla_function(e, indices={index: values[index]}), teg.compile(e, backend=EXACT)
     at = real(values)
     along = {name: jnp.asarray(np.cos(np.arange(v.size)).reshape(v.shape)) for name, v in at.items()}
 
@@ -89,13 +91,23 @@ def test_on_a_gpu(e: Any, values: dict[str, Any], index: str, x64: None) -> None
         compare(e, values, index)
 
 
+EVEN = teg.sum(PART * C[k], (k, 0, teg.length(C, 0)))
+GRID = teg.sum(V[j, 1] * teg.integral(teg.bracket(x * V[j, 0] < C[k] * t), (x, 0, 1)), (j, 0, teg.length(V, 0)))
+ROWS = teg.sum(GRID * GRID * C[k], (k, 0, teg.length(C, 0)))
+"""Sums whose inner ones have the same range for all terms of the outer one."""
+
+
 @x64
-@pytest.mark.parametrize("block", [2, 3])
-def test_blocks(block: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Iterations in blocks, whose ends stand inside of inner loops, add up to the same."""
-    monkeypatch.setattr("teg.backends.jax.loops.BLOCK", block)
-    value, slopes = jax.jit(jax.value_and_grad(teg.jax_function(RAGGED, indices={"S": OF_RAGGED["S"]})))(real(OF_RAGGED))
-    exact, wanted = teg.compile(RAGGED, backend=EXACT).value_and_grad(OF_RAGGED)
+@pytest.mark.parametrize("block", [2, 3, 12, 25, 2**22])
+@pytest.mark.parametrize("e", [pytest.param(e, id=name) for name, e in (("ragged", RAGGED), ("added", EVEN), ("rows", ROWS))])
+def test_blocks(e: Any, block: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Iterations in blocks, whose ends stand inside of inner loops or between them, add up to the same."""
+    monkeypatch.setattr("teg.backends.jax.derivative.BLOCK", block)
+    monkeypatch.setattr("teg.backends.jax.scatters.FEWEST", 5)
+    indices = {} if e is ROWS else {"S": OF_RAGGED["S"]}
+    at = {name: v for name, v in OF_RAGGED.items() if e is not ROWS or name != "S"}
+    value, slopes = jax.jit(jax.value_and_grad(xla_function(e, indices=indices)))(real(at))
+    exact, wanted = teg.compile(e, backend=EXACT).value_and_grad(at)
     close(value, exact)
     for name, slope in slopes.items():
         close(slope, wanted[name])
@@ -104,7 +116,7 @@ def test_blocks(block: int, monkeypatch: pytest.MonkeyPatch) -> None:
 @x64
 def test_batches() -> None:
     exact = teg.compile(GATHERED, backend=EXACT)
-    f = teg.jax_function(GATHERED, indices={"F": OF_GATHERED["F"]})
+    f = xla_function(GATHERED, indices={"F": OF_GATHERED["F"]})
     many = {**OF_GATHERED, "V": rng.uniform(0.2, 1.5, (3, 6, 2)), "t": np.array([0.3, 0.5, 0.7])}
     value, wanted = exact.value_and_grad(many)
     at = real(many)
@@ -123,7 +135,7 @@ def test_batches() -> None:
 
 @x64
 def test_index_arrays_may_be_traced_where_they_count_nothing() -> None:
-    f, exact = teg.jax_function(GATHERED), teg.compile(GATHERED, backend=EXACT)
+    f, exact = xla_function(GATHERED), teg.compile(GATHERED, backend=EXACT)
     call = jax.jit(f)
     close(call(OF_GATHERED), exact(OF_GATHERED))
     other = {**OF_GATHERED, "F": (OF_GATHERED["F"] + 1) % 6}
@@ -134,7 +146,7 @@ def test_index_arrays_may_be_traced_where_they_count_nothing() -> None:
         with pytest.raises(ArrayIndexError, match="out of range"):
             f(outside)
     with pytest.raises(ArrayIndexError) as caught:
-        jax.jit(teg.jax_function(RAGGED))(OF_RAGGED)
+        jax.jit(xla_function(RAGGED))(OF_RAGGED)
     assert "indices={'S': …}" in caught.value.hint
 
 
@@ -142,7 +154,7 @@ def test_index_arrays_may_be_traced_where_they_count_nothing() -> None:
 def test_integer_parameters_and_index_arrays_of_two_calls() -> None:
     """Programs for other integers, and for other numbers of terms, are other programs."""
     e = teg.sum(C[k] * t**2, (k, 0, n))
-    f = teg.jax_function(e)
+    f = xla_function(e)
     at = {"t": 2.0, "C": jnp.arange(1.0, 5.0)}
     for count, wanted in ((3, 24.0), (4, 40.0), (0, 0.0), (3, 24.0)):
         close(f({**at, "n": count}), wanted)
@@ -155,17 +167,17 @@ def test_integer_parameters_and_index_arrays_of_two_calls() -> None:
         jax.jit(f)({**at, "n": 3})
     assert "traced" in str(caught.value)
     with pytest.raises(ParameterError):
-        teg.jax_function(e, [n])
-    copy = pickle.loads(pickle.dumps(teg.jax_function(e, indices={n: 2})))
+        xla_function(e, [n])
+    copy = pickle.loads(pickle.dumps(xla_function(e, indices={n: 2})))
     close(jax.jit(copy)(at), 12.0)
-    close(teg.jax_function(e, indices={"n": 4})(t=jnp.array([1.0, 2.0]), C=at["C"]), [10.0, 40.0])
+    close(xla_function(e, indices={"n": 4})(t=jnp.array([1.0, 2.0]), C=at["C"]), [10.0, 40.0])
 
 
 @x64
 def test_a_sum_inside_of_an_integral() -> None:
     """It is written out, for the lengths of each call."""
     e = teg.integral(teg.bracket(teg.sum(C[k] * x, (k, 0, teg.length(C, 0))) < t), (x, 0, 1))
-    f = teg.jax_function(e)
+    f = xla_function(e)
     for size in (2, 3):
         at = {"t": jnp.float64(0.5), "C": jnp.full(size, 0.7)}
         total = 0.7 * size
@@ -177,11 +189,11 @@ def test_a_sum_inside_of_an_integral() -> None:
 
 @x64
 def test_small_sums_and_wrong_shapes() -> None:
-    f = teg.jax_function(teg.sum(C[k], (k, 0, teg.length(C, 0))))
+    f = xla_function(teg.sum(C[k], (k, 0, teg.length(C, 0))))
     close(f(C=jnp.ones(7)), 7.0)
     close(jax.grad(lambda c: f(C=c))(jnp.ones(7)), np.ones(7))
     assert f(C=jnp.ones((0,))) == 0.0
     with pytest.raises(ParameterError):
         f(C=1.0)
     with pytest.raises(ArrayIndexError):
-        teg.jax_function(GATHERED)({**OF_GATHERED, "F": np.ones((9, 2))})
+        xla_function(GATHERED)({**OF_GATHERED, "F": np.ones((9, 2))})

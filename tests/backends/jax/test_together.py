@@ -12,6 +12,7 @@ import pytest
 jax = pytest.importorskip("jax")
 jnp = jax.numpy
 
+from teg.backends.jax import together as of_together  # noqa: E402
 from teg.backends.jax.together import MOST, together, together_p  # noqa: E402
 
 pytestmark = pytest.mark.usefixtures("x64")
@@ -106,6 +107,22 @@ def test_other_platforms_get_the_function_as_it_is() -> None:
     run = jax.jit(jax.vmap(lambda u, v: with_kernels(u, v, "costly")))
     exported = export.export(run, platforms=["cuda"])(*arguments(7))
     assert "stablehlo.reduce" not in str(exported.mlir_module())
+
+
+@pytest.mark.parametrize("shape", [(), (8,), (9,), (2, 4), (3, 3)])
+def test_kernels_with_several_results_have_an_odd_length(shape: tuple[int, ...], monkeypatch: pytest.MonkeyPatch) -> None:
+    """As they are on other platforms; an axis that an argument does not have stays one."""
+    monkeypatch.setattr(of_together, "EVEN", 4)
+    opened = jax.make_jaxpr(lambda a, b: costly(a, b))(1.0, 1.0)
+    a, _ = arguments(*shape)
+    b = arguments(*shape[:-1], *(1 for _ in shape[-1:]))[1]
+    run = jax.jit(lambda a, b: of_together._in_one_kernel(a, b, function=opened))
+    for found, expected in zip(run(a, b), jax.jit(costly)(a, b + 0 * a), strict=True):
+        np.testing.assert_allclose(found, jnp.broadcast_to(expected, shape), rtol=1e-15)
+        assert found.shape == shape
+    text = run.lower(a, b).as_text()
+    sizes = {int(n) for n in re.findall(r"divide [^\n]*tensor<(\d+)xf64>", text)}
+    assert sizes == ({9} if shape else set())
 
 
 def test_derivatives_are_those_of_the_function() -> None:
