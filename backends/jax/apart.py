@@ -33,8 +33,8 @@ CHEAP = frozenset({
     "abs", "add", "and", "bitcast_convert_type", "broadcast_in_dim", "clamp", "concatenate", "convert_element_type", "copy", "eq",
     "expand_dims", "floor", "ceil", "round", "gather", "ge", "gt", "integer_pow", "iota", "is_finite", "le", "lt", "max", "min",
     "mul", "ne", "neg", "nextafter", "not", "or", "pad", "population_count", "rem", "reshape", "rev", "select_n", "shift_left",
-    "shift_right_arithmetic", "shift_right_logical", "sign", "slice", "dynamic_slice", "split", "square", "squeeze",
-    "stop_gradient", "sub", "teg_places", "transpose", "xor",
+    "shift_right_arithmetic", "shift_right_logical", "sign", "slice", "dynamic_slice", "split", "square", "squeeze", "stack",
+    "stop_gradient", "sub", "teg_places", "transpose", "unstack", "xor",
 })  # fmt: skip
 """What is copied into every kernel that needs it."""
 COSTLY = frozenset({

@@ -113,8 +113,21 @@ class _Lanes(NamedTuple):
     live: Any
 
 
+class _Repeated(NamedTuple):
+    """A value that is the same on all lanes of a row; `rows` has one for each row."""
+
+    rows: Any
+    width: int
+
+    def spread(self) -> Any:
+        return jnp.broadcast_to(self.rows[:, None], (len(self.rows), self.width)).reshape(-1)
+
+
 def _of(arg: Arg, lanes: _Lanes) -> Any:
-    return arg if isinstance(arg, int | float) else lanes.values[arg]
+    if isinstance(arg, int | float):
+        return arg
+    value = lanes.values[arg]
+    return value.spread() if isinstance(value, _Repeated) else value
 
 
 class _Trace:
@@ -193,9 +206,12 @@ class _Trace:
         return jnp.where(inside, found, jnp.nan) if floating else jnp.where(inside, found.astype(jnp.int64), NOWHERE)
 
     def _run(self, step: Run, lanes: _Lanes) -> Any:
-        columns = [jnp.asarray(_of(a, lanes), jnp.float64) for a in step.inputs]
-        axes = tuple(0 if c.ndim else None for c in columns)
         run = self.function._runs[id(step)]
+        given = [a if isinstance(a, int | float) else lanes.values[a] for a in step.inputs]
+        if any(isinstance(v, _Repeated) for v in given):
+            return self._run_in_rows(step, given, lanes)
+        columns = [jnp.asarray(v, jnp.float64) for v in given]
+        axes = tuple(0 if c.ndim else None for c in columns)
         if 0 not in axes:
             found, note = run(*columns)
             lanes.values.update(zip(step.results, found, strict=True))
@@ -203,6 +219,16 @@ class _Trace:
         found, notes = jax.vmap(run, in_axes=axes)(*columns)
         lanes.values.update(zip(step.results, found, strict=True))
         return union(notes)
+
+    def _run_in_rows(self, step: Run, given: Sequence[Any], lanes: _Lanes) -> Any:
+        """The same on a matrix of lanes, where some values are those of a row."""
+        width = next(v.width for v in given if isinstance(v, _Repeated))
+        columns = [jnp.asarray(v.rows if isinstance(v, _Repeated) else v, jnp.float64) for v in given]
+        columns = [c if isinstance(v, _Repeated) or not c.ndim else c.reshape(-1, width) for c, v in zip(columns, given, strict=True)]
+        row = jax.vmap(self.function._runs[id(step)], in_axes=tuple(0 if c.ndim == 2 else None for c in columns), axis_size=width)
+        found, notes = jax.vmap(row, in_axes=tuple(0 if c.ndim else None for c in columns))(*columns)
+        lanes.values.update(zip(step.results, (v.reshape(-1) for v in found), strict=True))
+        return union(notes.reshape(-1))
 
     def _fold(self, step: Least | Factors | Cells | Rows, lanes: _Lanes, note: Any) -> Any:
         """A loop whose iterations are not added up: all of them at once."""
@@ -289,19 +315,17 @@ class _Trace:
         if not any(isinstance(s, Loop) for s in step.body):
             rows = -(-lanes.size // count)  # little is wasted in the last block
 
-        def spread(column: Any) -> Any:
-            return jnp.broadcast_to(column[:, None], (rows, width)).reshape(-1)
-
         def block(carried: Any, start: Any) -> Any:
             targets, note = carried
-            own, live, values = start + jnp.arange(rows), lanes.live, lanes.values
+            own, live = start + jnp.arange(rows), lanes.live
+            values = {name: _of(name, lanes) for name in lanes.values}
             if count > 1:
                 known = jnp.where(own < lanes.size, own, 0)
                 values = {name: v[known] if getattr(v, "ndim", 0) else v for name, v in values.items()}
                 live = (own < lanes.size) if live is None else (own < lanes.size) & live[known]
-            values = {name: spread(v) if getattr(v, "ndim", 0) else v for name, v in values.items()}
+            values = {name: _Repeated(v, width) if getattr(v, "ndim", 0) else v for name, v in values.items()}
             values[step.index] = jnp.broadcast_to(first + jnp.arange(width), (rows, width)).reshape(-1)
-            inner = _Lanes(values, rows * width, None if live is None else spread(live))
+            inner = _Lanes(values, rows * width, None if live is None else _Repeated(live, width).spread())
             targets, note = self.block(step.body, inner, targets, note)
             terms = [_live(jnp.broadcast_to(jnp.asarray(_of(v, inner), jnp.float64), (inner.size,)), inner) for v in step.values]
             return (targets, note), [jnp.sum(term.reshape(rows, width), axis=1) for term in terms]
@@ -368,7 +392,7 @@ class _Trace:
             before = jnp.where(parent > 0, ends[jnp.maximum(parent - 1, 0)], 0)
             lo = jnp.broadcast_to(jnp.asarray(_of(step.lo, lanes)), (lanes.size,))
             index = lo[parent] + flat - before
-        values = {name: v[parent] if getattr(v, "ndim", 0) else v for name, v in lanes.values.items()}
+        values = {name: v[parent] if getattr(v := _of(name, lanes), "ndim", 0) else v for name in lanes.values}
         values[step.index] = index
         return _Lanes(values, size, live), parent
 

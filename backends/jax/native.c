@@ -230,9 +230,9 @@ static int teg_run(const XLA_FFI_CallFrame *frame, teg_kernel *kernel, const int
    was missed. */
 XLA_FFI_Error *teg_native(XLA_FFI_CallFrame *frame)
 {
-    const XLA_FFI_Extension_Base *const more = frame->extension_start;
-    if (more && more->type == XLA_FFI_Extension_Metadata) {
-        XLA_FFI_Metadata *const m = ((XLA_FFI_Metadata_Extension *)more)->metadata;
+    const XLA_FFI_Metadata_Extension *const more = (const void *)frame->extension_start;  /* the type of it has two names, by the version of jaxlib */
+    if (more && more->extension_base.type == XLA_FFI_Extension_Metadata) {
+        XLA_FFI_Metadata *const m = more->metadata;
         m->api_version.major_version = XLA_FFI_API_MAJOR, m->api_version.minor_version = XLA_FFI_API_MINOR;
         return NULL;
     }

@@ -34,6 +34,7 @@ from jaxlib.mlir import ir
 from teg.backends.c.build import load_library
 from teg.backends.c.kernel import CKernel
 from teg.backends.c.loops import CArrayKernel
+from teg.errors import CompilerError
 
 TARGET = "teg_native"
 INACCURATE = {"ignore": 0, "warn": 1, "raise": 2}
@@ -74,6 +75,17 @@ def _library(category: Any) -> ctypes.CDLL:
     if hasattr(jax.ffi, "register_ffi_target_as_batch_partitionable"):
         jax.ffi.register_ffi_target_as_batch_partitionable(TARGET)
     return library
+
+
+@cache
+def what_is_wrong(category: Any) -> str:
+    """Returns why there is no handler; "", if there is one."""
+    try:
+        with _LOCK:
+            _library(category)
+    except CompilerError as error:
+        return str(error)
+    return ""
 
 
 def calls(category: Any) -> int:

@@ -38,7 +38,7 @@ def joined(jaxpr: Any, is_copied: Callable[[Any], bool]) -> Any:
     others: dict[int, list[Any]] = {}
     for e in jaxpr.eqns:
         level = max((depth.get(v, 0) for v in e.invars if isinstance(v, Var)), default=0)
-        if e.outvars[0] in needed and _is_small(e):
+        if not needed.isdisjoint(e.outvars) and _is_small(e):
             level += 1
             together.setdefault((level, e.primitive.name, e.outvars[0].aval.shape), []).append(e)
         else:

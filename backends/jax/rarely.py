@@ -8,6 +8,7 @@ time, and scattered to their places: a batch in which all are good does nothing 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
@@ -31,8 +32,8 @@ def rarely(good: Any, found: Sequence[Any], exact: Callable[..., Sequence[Any]],
     assert [(v.shape, v.dtype) for v in traced.out_avals] == [(v.shape, v.dtype) for v in map(jax.typeof, found)]
     constants = len(traced.consts)
     opened = ClosedJaxpr(traced.jaxpr.replace(constvars=[], invars=[*traced.jaxpr.constvars, *traced.jaxpr.invars]), ())
-    mapped = (False,) * (constants + len(arguments))
-    results: list[Any] = rarely_p.bind(good, *found, *traced.consts, *arguments, exact=opened, mapped=mapped)
+    axes = ((),) * (constants + len(arguments))
+    results: list[Any] = rarely_p.bind(good, *found, *traced.consts, *arguments, exact=opened, axes=axes)
     return results
 
 
@@ -46,60 +47,67 @@ def _parts(operands: Sequence[Any], exact: Any) -> tuple[Any, Sequence[Any], Seq
     return operands[0], operands[1:count], operands[count:]
 
 
-def _plain(*operands: Any, exact: Any, mapped: Sequence[bool]) -> list[Any]:
-    """The results by operations of JAX. A batch has one axis, which the `mapped` arguments have."""
+def _plain(*operands: Any, exact: Any, axes: Sequence[Sequence[bool]]) -> list[Any]:
+    """The results by operations of JAX. `axes` says which axes of the batch, the outermost first, an argument has."""
     good, found, arguments = _parts(operands, exact)
     run = jaxpr_as_fun(exact)
-    if not good.ndim:
+    shape = good.shape
+    if not shape:
         results: list[Any] = lax.cond(good, lambda: list(found), lambda: run(*arguments))
         return results
-    size = good.shape[0]
+    size = math.prod(shape)
     part = min(size, max(size // PART, FEWEST))
-    parts = jax.vmap(run, in_axes=[0 if m else None for m in mapped], axis_size=part)
+    parts = jax.vmap(run, in_axes=[0 if any(own) else None for own in axes], axis_size=part)
 
     def others() -> list[Any]:
         number = jnp.arange(size, dtype=jnp.int32)
-        places = lax.sort(jnp.where(good, jnp.int32(size), number))
+        places = lax.sort(jnp.where(good.reshape(-1), jnp.int32(size), number))
         places = jnp.concatenate([places, jnp.full(part, size, jnp.int32)])
 
         def turn(at: tuple[Any, list[Any]]) -> tuple[Any, list[Any]]:
             start, results = at
             chosen = lax.dynamic_slice(places, (start,), (part,))
-            own = [v.at[chosen].get(mode="clip") if m else v for v, m in zip(arguments, mapped, strict=True)]
+            numbers = _numbers(chosen, shape)
+            own = [_chosen(v, [n for n, has in zip(numbers, flags, strict=True) if has]) for v, flags in zip(arguments, axes, strict=True)]
             exactly = parts(*own)
             return start + part, [old.at[chosen].set(new, mode="drop") for old, new in zip(results, exactly, strict=True)]
 
         def is_left(at: tuple[Any, list[Any]]) -> Any:
             return lax.dynamic_index_in_dim(places, at[0], keepdims=False) < size
 
-        _, results = lax.while_loop(is_left, turn, (jnp.int32(0), list(found)))
-        return results
+        _, results = lax.while_loop(is_left, turn, (jnp.int32(0), [v.reshape(-1) for v in found]))
+        return [v.reshape(shape) for v in results]
 
     rest: list[Any] = lax.cond(jnp.all(good), lambda: list(found), others)
     return rest
 
 
-def _abstract(*operands: Any, exact: Any, mapped: Sequence[bool]) -> list[Any]:
+def _numbers(flat: Any, shape: Sequence[int]) -> list[Any]:
+    """The numbers on all axes of elements that are numbered through. The first one may be beyond the end."""
+    numbers = []
+    for length in reversed(shape[1:]):
+        flat, number = flat // length, flat % length
+        numbers.append(number)
+    return [flat, *reversed(numbers)]
+
+
+def _chosen(v: Any, numbers: Sequence[Any]) -> Any:
+    return v.at[tuple(numbers)].get(mode="clip") if numbers else v
+
+
+def _abstract(*operands: Any, exact: Any, axes: Sequence[Sequence[bool]]) -> list[Any]:
     return list(_parts(operands, exact)[1])
 
 
-def _mapped(operands: Sequence[Any], axes: Sequence[Any], *, exact: Any, mapped: Sequence[bool]) -> tuple[list[Any], list[int]]:
-    """A batch of batches is one batch."""
-    size = next(v.shape[k] for v, k in zip(operands, axes, strict=True) if k is not None)
-    moved = [v if k is None else jnp.moveaxis(v, k, 0) for v, k in zip(operands, axes, strict=True)]
-    inner = moved[0].shape[axes[0] is not None :]
-
-    def whole(v: Any, is_mapped: bool, has_inner: bool) -> Any:
-        own = v.shape[is_mapped + has_inner * len(inner) :]
-        v = v.reshape(size if is_mapped else 1, *(inner if has_inner else (1,) * len(inner)), *own)
-        return jnp.broadcast_to(v, (size, *inner, *own)).reshape(-1, *own)
-
+def _mapped(operands: Sequence[Any], mapped: Sequence[Any], *, exact: Any, axes: Sequence[Sequence[bool]]) -> tuple[list[Any], list[int]]:
+    """A batch of batches has one more axis; arguments keep those that they have."""
+    size = next(v.shape[k] for v, k in zip(operands, mapped, strict=True) if k is not None)
+    moved = [v if k is None else jnp.moveaxis(v, k, 0) for v, k in zip(operands, mapped, strict=True)]
     count = 1 + len(exact.out_avals)
-    flags = [True] * count + [m or k is not None for m, k in zip(mapped, axes[count:], strict=True)]
-    before = [True] * count + list(mapped)
-    flat = [whole(v, k is not None, b) if f else v for v, k, b, f in zip(moved, axes, before, flags, strict=True)]
-    found = rarely_p.bind(*flat, exact=exact, mapped=tuple(flags[count:]))
-    return [v.reshape(size, *inner) for v in found], [0] * len(found)
+    whole = [jnp.broadcast_to(v, (size, *v.shape)) if k is None else v for v, k in zip(moved[:count], mapped, strict=False)]
+    further = tuple((k is not None, *own) for k, own in zip(mapped[count:], axes, strict=True))
+    found = rarely_p.bind(*whole, *moved[count:], exact=exact, axes=further)
+    return found, [0] * len(found)
 
 
 def _jvp(primals: Sequence[Any], tangents: Sequence[Any], **parameters: Any) -> tuple[Any, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import warnings
 from collections.abc import Hashable, Mapping, Sequence
 from typing import Any, Literal, cast
 
@@ -120,7 +121,7 @@ class JaxFunction(FrameworkFunction):
         self.parameters = tuple(name_of(p) for p in order)
         self._families: Kept[Hashable, Any] = Kept(KEPT)
         self._counting: Kept[Plan, frozenset[int]] = Kept(KEPT)
-        self._kernel = "c" if kernel == "c" or (kernel == "auto" and _has_compiler()) else "xla"
+        self._kernel = "c" if kernel == "c" or (kernel == "auto" and _can_call_c()) else "xla"
         self._given = (*self._given, kernel)  # type: ignore[assignment]
 
     def __repr__(self) -> str:
@@ -296,15 +297,20 @@ def _import_jax(dtype: str | None) -> None:
         )
 
 
-def _has_compiler() -> bool:
-    """Whether a C compiler is found."""
+def _can_call_c() -> bool:
+    """Whether a C compiler is found, and makes what this version of JAX can call; a warning where it does not."""
     from teg.backends.c.build import find_compiler
+    from teg.backends.jax.native import what_is_wrong
 
     try:
         find_compiler()
     except CompilerError:
         return False
-    return True
+    wrong = what_is_wrong(AccuracyWarning)
+    if wrong:
+        text = f"programs run as operations of XLA, because this version of JAX cannot call compiled kernels: {wrong}"
+        warnings.warn(text, RuntimeWarning, stacklevel=4)
+    return not wrong
 
 
 def _native(plan: Plan) -> Any:

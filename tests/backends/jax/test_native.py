@@ -119,6 +119,24 @@ def test_without_a_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
     assert teg.jax_function(HALF_PLANE)._kernel == "xla"
 
 
+def test_a_version_of_jax_with_another_interface(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is said, and programs are those of XLA, unless C was asked for."""
+
+    from teg.backends.jax import native
+
+    def rejected(category: Any) -> Any:
+        raise CompilerError("the C compiler rejected the generated text", None, "unknown type name")
+
+    monkeypatch.setattr(native, "_library", rejected)
+    monkeypatch.setattr(native, "what_is_wrong", native.what_is_wrong.__wrapped__)
+    with pytest.warns(RuntimeWarning, match="unknown type name") as caught:
+        f = teg.jax_function(HALF_PLANE)
+    assert caught[0].filename == __file__
+    assert f._kernel == "xla"
+    with pytest.raises(CompilerError, match="rejected"):
+        teg.jax_function(HALF_PLANE, kernel="c")(t=0.5, a=0.3)
+
+
 def test_second_and_third_derivatives() -> None:
     f, exact = teg.jax_function(HALF_PLANE, kernel="c"), teg.compile(HALF_PLANE, backend="c")
     at = {"t": 0.6, "a": 0.8}
