@@ -78,15 +78,16 @@ def _jvp(primals: Sequence[Any], tangents: Sequence[Any], *, function: Any) -> t
 
 
 def _in_one_kernel(*operands: Any, function: Any) -> list[Any]:
-    """The same where kernels have several results. No sum over the batch is fused with them, and the batch has an odd length: of an even one
-    each thread of a GPU computes two or four elements at a time, for which it has too few registers. Either makes a long kernel three
-    times as slow."""
+    """The same where kernels have several results. No sum over the batch is fused with them, and the batch has an odd length: of an even
+    one each thread of a GPU computes two or four elements at a time, for which it has too few registers. Either makes a long kernel
+    three times as slow."""
     shape, flat = _flat(operands)
     size = math.prod(shape)
     more = int(size >= EVEN and size % 2 == 0)
     flat = [jnp.pad(v, (0, more)) if more else v for v in flat]
     run = jaxpr_as_fun(function)
-    results = lax.optimization_barrier((jax.vmap(run) if shape else run)(*flat))
+    apart: Any = lax.optimization_barrier
+    results = apart((jax.vmap(run) if shape else run)(*flat))
     return [v[:size].reshape(shape) if shape else v for v in results]
 
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 jax = pytest.importorskip("jax")
-import jax.numpy as jnp
+jnp = jax.numpy
 
-from teg.backends.jax.scatters import FEWEST, ROW, added, added_by_rows
+from teg.backends.jax.scatters import FEWEST, ROW, added, added_by_rows  # noqa: E402
 
 LENGTHS = (FEWEST - 1, FEWEST, FEWEST + ROW + 7)
 ENTRIES = {
