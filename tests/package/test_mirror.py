@@ -108,7 +108,9 @@ ELSEWHERE = {
     "teg/passes/normalise": {
         "alike": "tests/end_to_end/test_alike_terms.py",
         "choices": "tests/ir/test_choices.py",
+        "denominators": "tests/passes/normalise/test_canonicalise.py",
         "extremes": "tests/end_to_end/test_alike_terms.py",
+        "factors": "tests/passes/normalise/test_canonicalise.py",
         "inline": "tests/ir/test_function.py",
         "rows": "tests/end_to_end/test_alike_terms.py",
     },

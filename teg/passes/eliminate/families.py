@@ -38,7 +38,7 @@ from teg.passes.eliminate.implicit import MAX_CHARTS, Implicit, match_implicit, 
 from teg.passes.eliminate.mapped import user_families
 from teg.passes.eliminate.steep import Graph, match_steep, rewrite_steep
 from teg.passes.eliminate.univariate import match_solvable, rewrite_solvable
-from teg.passes.normalise.canonicalise import with_cleared_deltas
+from teg.passes.normalise.denominators import with_cleared_deltas
 
 Match = Callable[[Expr, Sequence[Var]], Any]
 Rewrite = Callable[[Expr, Expr, tuple[Binder, ...], Any], Expr | None]

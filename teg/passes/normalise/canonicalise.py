@@ -23,12 +23,10 @@ from itertools import islice
 from typing import cast
 
 from teg.analysis.antiderivative import integrated
-from teg.analysis.calculus import SMOOTH
-from teg.analysis.coincidence import short_form, without_denominators
+from teg.analysis.coincidence import without_denominators
 from teg.analysis.expanded import shorter_form
 from teg.analysis.jumps import assign
 from teg.analysis.kinks import Extremes, Kinks, kinks_of, value_nodes
-from teg.analysis.limits import is_square
 from teg.analysis.polynomial import Point, Shadow
 from teg.analysis.surfaces import atoms_of, binders_inside
 from teg.ir import expr as ex
@@ -37,8 +35,10 @@ from teg.ir.expr import FALSE, MINUS_ONE, TRUE, Add, Call, Compare, Cond, Const,
 from teg.ir.integral import Delta, Integral, delta, scaled_integral
 from teg.ir.node import Node, postorder, union
 from teg.ir.simplify import add, conjunction, disjunction, mul, negation, positive
-from teg.ir.traverse import rebuild, remake, rename_apart, replace_node, rewrite, substitute
+from teg.ir.traverse import rebuild, remake, rename_apart, replace_node, substitute
 from teg.numerics.field import divided, sign_of_residue
+from teg.passes.normalise.denominators import cleared, cleared_delta, has_variable_denominator, tangents_as_quotients
+from teg.passes.normalise.factors import signed_factors, without_squares
 from teg.passes.normalise.quotients import with_whole_branches
 
 MAX_HOISTED = 6
@@ -104,10 +104,10 @@ class Canonical:
         if has_variable_denominator(g):
             numerator, denominator = cleared(g)
             g = mul(numerator, denominator)
-        sign, factors = _signed_factors(g)
+        sign, factors = signed_factors(g)
         found = [self._representatives(factor) for factor in factors]
-        surfaces, sign = _without_squares([s for own, _ in found for s in own], sign)
-        denominators, sign = _without_squares([s for _, under in found for s in under], sign, parameters_too=True)
+        surfaces, sign = without_squares([s for own, _ in found for s in own], sign)
+        denominators, sign = without_squares([s for _, under in found for s in under], sign, parameters_too=True)
         surfaces += denominators
         if not surfaces:
             return TRUE if sign > 0 or (sign == 0 and not strict) else FALSE
@@ -164,7 +164,7 @@ class Canonical:
         sign = sign_of_residue(divided(first, other)) if other else None
         if sign is None or not known.free <= g.free:
             return [(surface, same)], []
-        sign_below, factors = _signed_factors(below)
+        sign_below, factors = signed_factors(below)
         return [(known, sign * sign_below > 0)], [self._representative(f) for f in factors]
 
     def _representative(self, g: Expr) -> tuple[Expr, bool]:
@@ -264,23 +264,9 @@ def _split_delta(d: Delta, hoists: int) -> Expr:
     g = Extremes().of(d.g) if hoists == MAX_HOISTED and len(kinks_of(d.g)) > MAX_KINKS else d.g
     inner = inner_condition(g) if hoists else None
     if inner is None:
-        return _cleared_delta(g)
+        return cleared_delta(g)
     branches = (delta(decided(g, inner, value)) for value in (True, False))
     return simplify.where(inner, *(_split_delta(b, hoists - 1) if isinstance(b, Delta) else b for b in branches))
-
-
-def _cleared_delta(g: Expr) -> Expr:
-    """Returns δ(p/q) as |q|·δ(p): equal where q is not 0, and its surface has no poles."""
-    g = tangents_as_quotients(g)
-    if not has_variable_denominator(g):
-        return delta(g)
-    numerator, denominator = cleared(g)
-    return mul(simplify.call("magnitude", denominator), delta(numerator))
-
-
-def with_cleared_deltas(e: Expr) -> Expr:
-    """Returns e with every δ(p/q) as |q|·δ(p)."""
-    return cast(Expr, rewrite([e], lambda _, new: _cleared_delta(new.g) if isinstance(new, Delta) else new)[e])
 
 
 def _product_integrals(e: Expr) -> list[Integral]:
@@ -315,171 +301,6 @@ def decided(g: Expr, condition: Cond, value: bool) -> Expr:
     if isinstance(condition, Compare):
         return cast(Expr, assign(g, condition.g, value))
     return cast(Expr, replace_node(g, condition, TRUE if value else FALSE))
-
-
-def tangents_as_quotients(g: Expr) -> Expr:
-    """Returns g with tan u = sin u / cos u: the sign of an atom also changes at the poles."""
-    if not any(isinstance(n, Call) and n.name == "tan" and n.free for n in postorder([g])):
-        return g
-    new: dict[Node, Node] = {}
-    for node in postorder([g]):
-        result = rebuild(node, tuple([new[c] for c in node.children]))
-        if isinstance(result, Call) and result.name == "tan" and result.free:
-            result = simplify.div(simplify.call("sin", result.children[0]), simplify.call("cos", result.children[0]))
-        new[node] = result
-    return cast(Expr, new[g])
-
-
-def has_variable_denominator(g: Expr) -> bool:
-    """Returns whether g is divided by an expression with variables in it (outside of functions)."""
-    stack: list[Expr] = [g]
-    seen: set[Expr] = set()
-    while stack:
-        e = stack.pop()
-        if e in seen or not e.free:
-            continue
-        seen.add(e)
-        if isinstance(e, Pow) and e.exponent < 0:
-            return True
-        if isinstance(e, Add | Mul | Pow | Where):
-            stack.extend(cast("tuple[Expr, ...]", e.children[1:] if isinstance(e, Where) else e.children))
-    return False
-
-
-def cleared(g: Expr) -> tuple[Expr, Expr]:
-    """Returns numerator and denominator of g over its variables. The terms stay as they were written."""
-    parts: dict[Expr, tuple[Expr, dict[Expr, int]]] = {}
-    for node in postorder([g]):
-        if not isinstance(node, Expr):
-            continue
-        numerator: Expr = node
-        below: dict[Expr, int] = {}
-        if isinstance(node, Pow) and node.exponent < 0 and node.free:
-            inner, inner_below = parts[node.base]
-            numerator = mul(*(simplify.integer_power(d, -node.exponent * k) for d, k in inner_below.items()))
-            below = {inner: -node.exponent}
-        elif isinstance(node, Pow) and parts[node.base][1]:
-            inner, inner_below = parts[node.base]
-            numerator, below = simplify.integer_power(inner, node.exponent), {d: k * node.exponent for d, k in inner_below.items()}
-        elif isinstance(node, Mul):
-            for c in node.children:
-                for d, k in parts[c][1].items():
-                    below[d] = below.get(d, 0) + k
-            numerator = mul(*(parts[c][0] for c in node.children)) if below else node
-        elif isinstance(node, Add | Where):
-            terms = cast("list[Expr]", list(node.children[1:] if isinstance(node, Where) else node.children))
-            for c in terms:
-                for d, k in parts[c][1].items():
-                    below[d] = max(below.get(d, 0), k)
-            if below:
-                over = [mul(parts[c][0], *(simplify.integer_power(d, k - parts[c][1].get(d, 0)) for d, k in below.items())) for c in terms]
-                numerator = simplify.where(node.condition, *over) if isinstance(node, Where) else add(*over)
-        parts[node] = (numerator, below)
-    numerator, below = parts[g]
-    return numerator, mul(*(simplify.integer_power(d, k) for d, k in below.items()))
-
-
-def _signed_factors(g: Expr) -> tuple[float, list[Expr]]:
-    """Returns the sign of g as a number and factors of unknown sign. A common factor of all terms of a sum is taken out."""
-    sign = 1.0
-    factors: list[Expr] = []
-    stack = [g]
-    while stack:
-        e = stack.pop()
-        if isinstance(e, Const):
-            sign *= (e.data > 0) - (e.data < 0) if e.data == e.data else e.data
-            if sign != sign:
-                return 1.0, [e]
-        elif isinstance(e, Mul):
-            stack.extend(reversed(e.children))
-        elif isinstance(e, Pow) and e.exponent % 2:
-            stack.append(e.base)
-        elif isinstance(e, Add) and _is_sum_of_squares(e):
-            continue
-        elif isinstance(e, Add):
-            common, cofactor = _common_factors(e)
-            short = e if common else short_form(e)
-            if common:
-                stack.extend(common)
-                stack.append(cofactor)
-            elif short is not e:
-                stack.append(short)
-            else:
-                factors.append(e)
-        elif isinstance(e, Call) and e.name == "magnitude" and e.free:
-            continue  # positive as well
-        elif isinstance(e, Call) and e.name in ("atan", "tanh", "sinh", "erf", "expm1") and e.free:
-            stack.append(e.children[0])  # has its sign
-        elif isinstance(e, Call) and e.name in ("sqrt", "root", "pow") and e.free:
-            stack.append(e.children[0])  # the same zeros, with a slope
-            factors.append(add(ex.ONE, e))  # no zeros, but NaN where it is undefined
-        elif isinstance(e, Pow) and e.free:
-            continue  # an even power is positive except where it is 0, a set of measure 0
-        elif not _is_positive(e):
-            factors.append(e)
-    return sign, factors
-
-
-def _without_squares(surfaces: list[tuple[Expr, bool]], sign: float, parameters_too: bool = False) -> tuple[list[tuple[Expr, bool]], float]:
-    """Returns the surfaces of a product without those that stand twice, whose signs cancel, and the sign that is left.
-
-    A factor without variables may be 0 everywhere, and stays, but for denominators.
-    """
-    kept: list[tuple[Expr, bool]] = []
-    for surface, same in surfaces:
-        twin = next((s for s in kept if s[0] is surface), None) if surface.free or parameters_too else None
-        if twin is None:
-            kept.append((surface, same))
-        else:
-            kept.remove(twin)
-            sign = sign if twin[1] == same else -sign
-    return kept, sign
-
-
-def _is_sum_of_squares(e: Add) -> bool:
-    """Returns whether a sum is written as one that is positive everywhere: squares and a positive number."""
-
-    def is_positive(term: Expr) -> bool:
-        factors = term.children if isinstance(term, Mul) else (term,)
-        return all((isinstance(f, Const) and f.data > 0.0) or is_square(f) or _is_positive(f) for f in factors)
-
-    positive_terms = any(isinstance(t, Const) or _is_positive(t) for t in e.children) and all(map(is_positive, e.children))
-    return positive_terms and not any(isinstance(n, Call) and n.name not in SMOOTH for n in postorder([e]))  # these may be NaN
-
-
-def _is_positive(e: Expr) -> bool:
-    return isinstance(e, Call) and e.name in ("exp", "cosh", "erfc")
-
-
-def _factor_powers(term: Expr) -> dict[Expr, int]:
-    parts = term.children if isinstance(term, Mul) else (term,)
-    return {(p.base if isinstance(p, Pow) else p): (p.exponent if isinstance(p, Pow) else 1) for p in parts if not isinstance(p, Const)}
-
-
-def _over_factors(term: Expr) -> Expr:
-    """Returns a term with powers of products written as products of powers."""
-    parts = term.children if isinstance(term, Mul) else (term,)
-    if not any(isinstance(p, Pow) and isinstance(p.base, Mul) for p in parts):
-        return term
-    split = (
-        [simplify.integer_power(c, p.exponent) for c in p.base.children] if isinstance(p, Pow) and isinstance(p.base, Mul) else [p]
-        for p in parts
-    )
-    return mul(*(f for factors in split for f in factors))
-
-
-def _common_factors(e: Add) -> tuple[list[Expr], Expr]:
-    """Returns the common factors of all terms, and the sum without them: a·t - a·x = a·(t - x)."""
-    terms = [_over_factors(t) for t in e.children]
-    powers = [_factor_powers(t) for t in terms]
-    shared = {f: min(p.get(f, 0) for p in powers) for f in powers[0]}
-    shared = {
-        f: k for f, k in shared.items() if k > 0 and not isinstance(f, Where)
-    }  # 1/where is distributed over the branches, so it is no factor
-    if not shared:
-        return [], e
-    divisor = mul(*(simplify.integer_power(f, -k) for f, k in shared.items()))
-    return [simplify.integer_power(f, k) for f, k in shared.items()], add(*(mul(t, divisor) for t in terms))
 
 
 def _separable_terms(body: Expr, x: Var) -> list[Expr]:

@@ -24,7 +24,7 @@ from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Call, Compare, Cond, Const, E
 from teg.ir.node import Node, postorder
 from teg.ir.simplify import add, call, conjunction, disjunction, div, half_angle, mul, negation, positive, sub, where
 from teg.ir.traverse import parameters, rebuild
-from teg.passes.normalise.canonicalise import cleared, has_variable_denominator, tangents_as_quotients
+from teg.passes.normalise.denominators import cleared, has_variable_denominator, tangents_as_quotients
 from teg.passes.normalise.quotients import with_whole_branches
 
 LIMITED = ("atan", "exp", "expm1", "tanh", "erf", "erfc")

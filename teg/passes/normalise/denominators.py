@@ -1,0 +1,88 @@
+"""Denominators of a surface: an expression as p/q over its variables, and deltas of quotients, δ(p/q) = |q|·δ(p)."""
+
+from __future__ import annotations
+
+from typing import cast
+
+from teg.ir import simplify
+from teg.ir.expr import Add, Call, Expr, Mul, Pow, Where
+from teg.ir.integral import Delta, delta
+from teg.ir.node import Node, postorder
+from teg.ir.simplify import add, mul
+from teg.ir.traverse import rebuild, rewrite
+
+
+def tangents_as_quotients(g: Expr) -> Expr:
+    """Returns g with tan u = sin u / cos u: the sign of an atom also changes at the poles."""
+    if not any(isinstance(n, Call) and n.name == "tan" and n.free for n in postorder([g])):
+        return g
+    new: dict[Node, Node] = {}
+    for node in postorder([g]):
+        result = rebuild(node, tuple([new[c] for c in node.children]))
+        if isinstance(result, Call) and result.name == "tan" and result.free:
+            result = simplify.div(simplify.call("sin", result.children[0]), simplify.call("cos", result.children[0]))
+        new[node] = result
+    return cast(Expr, new[g])
+
+
+def has_variable_denominator(g: Expr) -> bool:
+    """Returns whether g is divided by an expression with variables in it (outside of functions)."""
+    stack: list[Expr] = [g]
+    seen: set[Expr] = set()
+    while stack:
+        e = stack.pop()
+        if e in seen or not e.free:
+            continue
+        seen.add(e)
+        if isinstance(e, Pow) and e.exponent < 0:
+            return True
+        if isinstance(e, Add | Mul | Pow | Where):
+            stack.extend(cast("tuple[Expr, ...]", e.children[1:] if isinstance(e, Where) else e.children))
+    return False
+
+
+def cleared(g: Expr) -> tuple[Expr, Expr]:
+    """Returns numerator and denominator of g over its variables. The terms stay as they were written."""
+    parts: dict[Expr, tuple[Expr, dict[Expr, int]]] = {}
+    for node in postorder([g]):
+        if not isinstance(node, Expr):
+            continue
+        numerator: Expr = node
+        below: dict[Expr, int] = {}
+        if isinstance(node, Pow) and node.exponent < 0 and node.free:
+            inner, inner_below = parts[node.base]
+            numerator = mul(*(simplify.integer_power(d, -node.exponent * k) for d, k in inner_below.items()))
+            below = {inner: -node.exponent}
+        elif isinstance(node, Pow) and parts[node.base][1]:
+            inner, inner_below = parts[node.base]
+            numerator, below = simplify.integer_power(inner, node.exponent), {d: k * node.exponent for d, k in inner_below.items()}
+        elif isinstance(node, Mul):
+            for c in node.children:
+                for d, k in parts[c][1].items():
+                    below[d] = below.get(d, 0) + k
+            numerator = mul(*(parts[c][0] for c in node.children)) if below else node
+        elif isinstance(node, Add | Where):
+            terms = cast("list[Expr]", list(node.children[1:] if isinstance(node, Where) else node.children))
+            for c in terms:
+                for d, k in parts[c][1].items():
+                    below[d] = max(below.get(d, 0), k)
+            if below:
+                over = [mul(parts[c][0], *(simplify.integer_power(d, k - parts[c][1].get(d, 0)) for d, k in below.items())) for c in terms]
+                numerator = simplify.where(node.condition, *over) if isinstance(node, Where) else add(*over)
+        parts[node] = (numerator, below)
+    numerator, below = parts[g]
+    return numerator, mul(*(simplify.integer_power(d, k) for d, k in below.items()))
+
+
+def cleared_delta(g: Expr) -> Expr:
+    """Returns δ(p/q) as |q|·δ(p): equal where q is not 0, and its surface has no poles."""
+    g = tangents_as_quotients(g)
+    if not has_variable_denominator(g):
+        return delta(g)
+    numerator, denominator = cleared(g)
+    return mul(simplify.call("magnitude", denominator), delta(numerator))
+
+
+def with_cleared_deltas(e: Expr) -> Expr:
+    """Returns e with every δ(p/q) as |q|·δ(p)."""
+    return cast(Expr, rewrite([e], lambda _, new: cleared_delta(new.g) if isinstance(new, Delta) else new)[e])
