@@ -225,7 +225,7 @@ class JaxKernel:
 def _zero(scalars: Sequence[Any]) -> Any:
     """-0.0, which the compiler cannot know (see `teg.backends.text`)."""
     jnp = _import_jax().numpy
-    return jnp.where(scalars[0] == ODD, TINY, -0.0) if scalars else jnp.float64(-0.0)
+    return jnp.where(scalars[0] == ODD, jnp.float64(TINY), jnp.float64(-0.0)) if scalars else jnp.float64(-0.0)
 
 
 def _printed(program: Program) -> str:

@@ -67,7 +67,7 @@ def _value(node: Node, parts: list[Any], np: Any) -> Any:
         case Compare():
             return parts[0] > 0.0 if node.strict else parts[0] >= 0.0
         case Not():
-            return ~parts[0]
+            return np.logical_not(parts[0])  # `~` makes -2 of True
         case And():
             return functools.reduce(operator.and_, parts)
         case Or():

@@ -33,7 +33,6 @@ ELSEWHERE = {
         "boxes": "tests/backends/test_ellipse.py",
         "critical": "tests/end_to_end/test_references.py",
         "endless": "tests/end_to_end/test_infinite_ranges.py",
-        "evaluate": "tests/maps/test_diffeomorphism.py",
         "guards": "tests/passes/lower/test_integrals.py",
         "isolation": "tests/passes/lower/test_roots.py",
         "remarks": "tests/passes/test_remarks.py",
