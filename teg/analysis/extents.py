@@ -26,14 +26,38 @@ def extent(e: Expr, box: Mapping[Var, Extent]) -> Extent:
     return extents(postorder([e]), box)[e]
 
 
+class Extents:
+    """Extents over a box that may change; `box` returns it. Those over each box are kept: all together cost one visit of each node."""
+
+    def __init__(self, box: Callable[[], Mapping[Var, Extent]]) -> None:
+        self.box = box
+        self._known: dict[tuple[tuple[Var, Extent], ...], dict[Node, Extent]] = {}
+
+    def of(self, e: Expr) -> Extent:
+        """Returns the least and the largest value of e over the box as it is now."""
+        box = self.box()
+        known = self._known.setdefault(tuple(box.items()), {})
+        stack: list[Node] = [e]
+        while stack:
+            if missing := [c for c in stack[-1].children if c not in known]:
+                stack.extend(missing)
+            else:
+                node = stack.pop()
+                known[node] = _usable(_extent(node, box, known)) if isinstance(node, Expr) else EVERYTHING
+        return known[e]
+
+
 def extents(order: Iterable[Node], box: Mapping[Var, Extent]) -> dict[Node, Extent]:
     """Returns the least and the largest values over a box of all expressions among nodes, which are in order, children first."""
     known: dict[Node, Extent] = {}
     for node in order:
         if isinstance(node, Expr):
-            lo, hi = _extent(node, box, known)
-            known[node] = EVERYTHING if lo != lo or hi != hi else (lo, hi)
+            known[node] = _usable(_extent(node, box, known))
     return known
+
+
+def _usable(found: Extent) -> Extent:
+    return EVERYTHING if found[0] != found[0] or found[1] != found[1] else found
 
 
 def _extent(node: Expr, box: Mapping[Var, Extent], known: Mapping[Node, Extent]) -> Extent:

@@ -19,7 +19,7 @@ from teg.errors import NotDifferentiableError
 from teg.ir.expr import ZERO, Add, And, Call, Cond, Const, Expr, Mul, Pow, Var, Where
 from teg.ir.node import Node, postorder
 from teg.ir.simplify import add, holds_with, integer_power, mul, negation, where
-from teg.ir.traverse import replace_node
+from teg.ir.traverse import Steps, replace_node, unrolled
 
 MAX_ORDER = 4
 """The highest order of a zero whose limits are taken."""
@@ -80,32 +80,49 @@ class Poles:
 
     def has(self, e: Node) -> bool:
         """Returns whether an expression outside of functions has a denominator that is 0 on the surface."""
+        return unrolled(self._has(e))
+
+    def _has(self, e: Node) -> Steps[bool]:
         if not isinstance(e, Add | Mul | Pow):
             return False
         if e not in self._infinite:
-            self._infinite[e] = self._is_pole(e) or any([self.has(c) for c in e.children])
+            found = isinstance(e, Pow) and e.exponent < 0 and (yield self._vanishes(e.base))
+            for c in e.children:
+                found = found or (yield self._has(c))
+            self._infinite[e] = found
         return self._infinite[e]
 
     def limit(self, node: Node) -> Node:
         """Returns the limit of a product on the surface, if it has a pole there and its limit is known; else the node."""
+        return unrolled(self._limit(node))
+
+    def _limit(self, node: Node) -> Steps[Node]:
         if not self.has(node):
             return node
         if isinstance(node, Add):
-            return add(*(cast(Expr, self.limit(c)) for c in node.children))
-        if not isinstance(node, Mul):
-            return node
-        sums = [f for f in node.children if isinstance(f, Add) and self.has(f)]
-        if sums:
+            terms = list(node.children)
+        elif isinstance(node, Mul):
+            sums = [f for f in node.children if isinstance(f, Add) and self.has(f)]
+            if not sums:
+                return self._limit_of_product(node)
             others = [f for f in node.children if f is not sums[0]]
-            return add(*(cast(Expr, self.limit(mul(*others, term))) for term in sums[0].children))
-        below = [f for f in node.children if isinstance(f, Pow) and f.exponent < 0 and self._vanishes(f.base)]
-        above = [f for f in node.children if f not in below and self._vanishes(f)]
+            terms = [mul(*others, term) for term in sums[0].children]
+        else:
+            return node
+        limits = []
+        for term in terms:
+            limits.append(cast(Expr, (yield self._limit(term))))
+        return add(*limits)
+
+    def _limit_of_product(self, node: Mul) -> Node:
+        below = [f for f in node.children if isinstance(f, Pow) and f.exponent < 0 and self.vanishes(f.base)]
+        above = [f for f in node.children if f not in below and self.vanishes(f)]
         others = [f for f in node.children if f not in below and f not in above]
         try:
             n, denominator = self._leading(mul(*(integer_power(f.base, -f.exponent) for f in below)))
             numerator = mul(*above)
             for _ in range(n):
-                if not self._vanishes(numerator):
+                if not self.vanishes(numerator):
                     return node
                 numerator = self._along(numerator)
         except NotDifferentiableError:
@@ -115,20 +132,24 @@ class Poles:
     def without_decaying(self, e: Expr) -> Expr:
         """Returns an expression without the terms that tend to 0 on the surface faster than every power: 1 + exp(-1/u²) is 1."""
         order = postorder([e])
-        return self._settled(e, frozenset()) if len(order) <= MOST_NODES and any(map(self._is_fast, order)) else e
+        return unrolled(self._settled(e, frozenset())) if len(order) <= MOST_NODES and any(map(self._is_fast, order)) else e
 
-    def _settled(self, e: Expr, known: frozenset[Cond]) -> Expr:
-        if self.decays(e, known):
+    def _settled(self, e: Expr, known: frozenset[Cond]) -> Steps[Expr]:
+        if (yield self._decays(e, known)):
             return ZERO
         match e:
-            case Add():
-                return add(*[self._settled(c, known) for c in e.children])
+            case Add() | Mul():
+                parts: list[Expr] = []
+                for c in e.children:
+                    parts.append((yield self._settled(c, known)))
+                if isinstance(e, Add):
+                    return add(*parts)
+                return e if any(map(self._has_wild_function, parts)) else mul(*parts)
             case Where():
-                then, otherwise = (known.union(_parts(c)) for c in (e.condition, negation(e.condition)))
-                return where(e.condition, self._settled(e.then, then), self._settled(e.otherwise, otherwise))
-            case Mul():
-                factors = [self._settled(f, known) for f in e.children]
-                return e if any(map(self._has_wild_function, factors)) else mul(*factors)
+                holds, fails = (known.union(_parts(c)) for c in (e.condition, negation(e.condition)))
+                then = yield self._settled(e.then, holds)
+                otherwise = yield self._settled(e.otherwise, fails)
+                return where(e.condition, then, otherwise)
             case _:
                 return e
 
@@ -136,33 +157,42 @@ class Poles:
         """Returns whether a node is an exponential that tends to 0 on the surface faster than every power."""
         return isinstance(node, Call) and node.name == "exp" and falls(node.children[0], self._is_pole, self.has)
 
-    def decays(self, e: Expr, known: frozenset[Cond] = frozenset()) -> bool:
-        """Returns whether an expression tends to 0 on the surface faster than every power, like exp(-1/u²)/u³, where the `known` conditions
-        hold."""
+    def decays(self, e: Expr) -> bool:
+        """Returns whether an expression tends to 0 on the surface faster than every power, like exp(-1/u²)/u³."""
+        return unrolled(self._decays(e, frozenset()))
+
+    def _decays(self, e: Expr, known: frozenset[Cond]) -> Steps[bool]:
+        """Returns whether it does where the `known` conditions hold."""
         if (e, known) not in self._decaying:
-            self._decaying[e, known] = self._decays(e, known)
+            self._decaying[e, known] = yield self._decays_by_form(e, known)
         return self._decaying[e, known]
 
-    def _decays(self, e: Expr, known: frozenset[Cond]) -> bool:
+    def _decays_by_form(self, e: Expr, known: frozenset[Cond]) -> Steps[bool]:
         match e:
             case Add():
-                return all([self.decays(c, known) for c in e.children])
+                for c in e.children:
+                    if not (yield self._decays(c, known)):
+                        return False
+                return True
             case Where():
                 holds, fails = e.condition, negation(e.condition)
-                then = _is_implied(fails, known) or self.decays(e.then, known.union(_parts(holds)))
-                return then and (_is_implied(holds, known) or self.decays(e.otherwise, known.union(_parts(fails))))
+                then = _is_implied(fails, known) or (yield self._decays(e.then, known.union(_parts(holds))))
+                return then and (_is_implied(holds, known) or (yield self._decays(e.otherwise, known.union(_parts(fails)))))
             case Mul():
-                fast = [f for f in e.children if self.decays(f, known)]
+                fast = set()
+                for f in e.children:
+                    if (yield self._decays(f, known)):
+                        fast.add(f)
                 return bool(fast) and not any(self._has_wild_function(f) for f in e.children if f not in fast)
             case Pow():
-                return e.exponent > 0 and self.decays(e.base, known)
+                return e.exponent > 0 and (yield self._decays(e.base, known))
             case Call(name="exp"):
                 return self._is_fast(e)
             case _:
                 return e is ZERO
 
     def _is_pole(self, e: Expr) -> bool:
-        return isinstance(e, Pow) and e.exponent < 0 and self._vanishes(e.base)
+        return isinstance(e, Pow) and e.exponent < 0 and self.vanishes(e.base)
 
     def _has_wild_function(self, e: Expr) -> bool:
         """Returns whether a function of a pole stands in an expression: it may grow faster than every power."""
@@ -175,7 +205,7 @@ class Poles:
         """Returns the order of the zero of an expression, and its derivative of this order; the order is 0 if it is not known."""
         for n in range(1, MAX_ORDER + 1):
             e = self._along(e)
-            if not self._vanishes(e):
+            if not self.vanishes(e):
                 return n, e
         return 0, e
 
@@ -184,19 +214,26 @@ class Poles:
         variables: list[Var] = sorted(self.surface.free, key=lambda v: v.name)
         return add(*(mul(slope(self.surface, v), slope(e, v)) for v in variables))
 
-    def _vanishes(self, e: Expr) -> bool:
+    def vanishes(self, e: Expr) -> bool:
+        """Returns whether an expression is 0 on the surface."""
+        return unrolled(self._vanishes(e))
+
+    def _vanishes(self, e: Expr) -> Steps[bool]:
         if not e.free & self.surface.free:
             return False
         if e not in self._null:
+            null = False
             if isinstance(e, Mul):
-                null = any([self._vanishes(f) for f in e.children]) and not self.has(e)
+                for f in e.children:
+                    null = null or (yield self._vanishes(f))
+                null = null and not (yield self._has(e))
             elif isinstance(e, Call) and e.name in ODD:
-                null = self._vanishes(e.children[0])
+                null = yield self._vanishes(e.children[0])
             elif isinstance(e, Pow):
-                null = e.exponent > 0 and self._vanishes(e.base)
-            else:
-                null = False
-            self._null[e] = null or e is self.surface or (not self.has(e) and self._zeros.annuls(e))
+                null = e.exponent > 0 and (yield self._vanishes(e.base))
+            if not null and e is not self.surface:
+                null = not (yield self._has(e)) and self._zeros.annuls(e)
+            self._null[e] = null or e is self.surface
         return self._null[e]
 
 

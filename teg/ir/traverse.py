@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
-from typing import Any, cast
+from collections.abc import Callable, Generator, Iterable, Mapping
+from typing import Any, TypeVar, cast
 
 from teg.ir import simplify
 from teg.ir.arrays import LEAVES, Placed, Ranged
@@ -33,6 +33,7 @@ from teg.ir.integral import ClosedForm, Delta, Integral, PointMasses, delta, int
 from teg.ir.node import Node, postorder, postorder_through, union
 from teg.ir.operands import as_program
 
+Result = TypeVar("Result")
 CompareHook = Callable[[Compare, Expr, "Cond | None"], Cond]
 
 
@@ -242,3 +243,42 @@ def rename_apart(root: Node) -> Node:
         new[node] = result
         binders[result] = union([binders.get(result, frozenset()), inner])
     return new[root]
+
+
+def stands_in(root: Expr, test: Callable[[Any], bool], known: dict[Node, bool], below: Callable[[Any], Iterable[Node]]) -> bool:
+    """Returns whether a node that passes a test stands in an expression: `below` gives the nodes to look at below one. What is found out
+    about all of them is kept in `known`."""
+    stack: list[Node] = [root]
+    while stack:
+        node = stack[-1]
+        if node not in known:
+            inside = below(node)
+            if missing := [c for c in inside if c not in known]:
+                stack.extend(missing)
+                continue
+            known[node] = any([known[c] for c in inside]) or test(node)
+        stack.pop()
+    return known[root]
+
+
+Steps = Generator[Any, Any, Result]
+"""A function that is written as a recursion: it yields its calls, and gets their results."""
+
+
+def unrolled(call: Steps[Result]) -> Result:
+    """Returns the result of a recursion, with calls on a list instead of Python's stack, which is short.
+
+    >>> def depth(n): return 0 if n == 0 else 1 + (yield depth(n - 1))
+    >>> unrolled(depth(100_000))
+    100000
+    """
+    calls: list[Steps[Any]] = [call]
+    result: Any = None
+    while calls:
+        try:
+            calls.append(calls[-1].send(result))
+            result = None
+        except StopIteration as end:
+            calls.pop()
+            result = end.value
+    return cast(Result, result)

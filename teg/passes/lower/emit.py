@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from typing import cast
 
-from teg.analysis.extents import Extent
+from teg.analysis.extents import Extent, Extents
 from teg.analysis.intervals import Interval
 from teg.analysis.polynomial import Point
 from teg.analysis.surfaces import binders_inside
@@ -55,8 +55,8 @@ class Emitter:
         self._points = (Point("first"), Point("second"))
         self.ranges: Mapping[Var, Interval] = {}  # of the variables of outer integrals, if they are known in numbers
         self._vanishing = Vanishing()
-        self._by_exponents = ByExponents(self._box)
-        self._underflow = Underflow(self._box)
+        extents = Extents(self._box)
+        self._by_exponents, self._underflow = ByExponents(extents), Underflow(extents)
 
     def fresh(self, kind: str) -> str:
         """Returns an unused name: "v…" for a number, "b…" for a boolean, "x…" for a variable."""

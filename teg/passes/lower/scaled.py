@@ -6,21 +6,22 @@
 The derivative of a steep logistic is inf/inf² where exp(u) overflows, and 0/0 where all terms of a denominator underflow; the quotient
 itself is an ordinary number. So every factor is written as w·exp(m) with a w of ordinary size, and exponents are added before any
 exponential is taken. exp, cosh, sinh and large powers have exponents; sums have the largest exponent of their terms, products their sum.
-Where bounds at compile time exclude that anything overflows, nothing is changed. Linear in the factors of a product.
+Where bounds at compile time exclude that anything overflows, nothing is changed. Linear in the program.
 Source: Higham 2021, accurately computing the log-sum-exp and softmax functions.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Hashable, Sequence
 from typing import cast
 
-from teg.analysis.extents import Extent, extent
-from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Call, Const, Expr, Mul, Pow, Var, const
+from teg.analysis.extents import Extents
+from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Call, Const, Expr, Mul, Pow, const
 from teg.ir.integral import Integral
-from teg.ir.node import Node, postorder
+from teg.ir.node import Node
 from teg.ir.simplify import add, call, integer_power, mul, positive, sub, where
+from teg.ir.traverse import stands_in
 
 LARGE = 200.0
 """A factor within exp(±LARGE) is no danger: the usual products of three such factors do not overflow."""
@@ -34,12 +35,15 @@ Scaled = tuple[Expr, Expr]
 
 
 class ByExponents:
-    """Products and logarithms rewritten. `box` returns the bounds of variables that are known in numbers."""
+    """Products and logarithms rewritten; what is found out about a node is kept. `extents` has the bounds of variables that are known in
+    numbers."""
 
-    def __init__(self, box: Callable[[], Mapping[Var, Extent]]) -> None:
-        self.box = box
+    def __init__(self, extents: Extents) -> None:
+        self.extents = extents
         self._made: set[Node] = set()
         self._has_exponents: dict[Node, bool] = {}
+        self._varying: dict[Node, bool] = {}
+        self._over: dict[Hashable, _Facts] = {}
 
     def product(self, e: Mul, home: Callable[[Expr], object]) -> Expr | None:
         """Returns a product by the exponents of its factors; None if nothing in it can overflow.
@@ -89,47 +93,70 @@ class ByExponents:
     def _exponential(m: Expr) -> Expr:
         return ONE if m is ZERO else call("exp", m)
 
-    def _holds_exponents(self, root: Expr) -> bool:
-        """Returns whether an exponential or a large power stands in the sums and products of an expression. Each node is asked once."""
-        known, stack = self._has_exponents, [root]
-        while stack:
-            node = stack[-1]
-            inside = cast("tuple[Expr, ...]", node.children) if isinstance(node, Add | Mul | Pow) else ()
-            if node not in known and (missing := [c for c in inside if c not in known]):
-                stack.extend(missing)
-                continue
-            known.setdefault(node, any(known[c] for c in inside) or _exponent_of(node) is not None)
-            stack.pop()
-        return known[root]
+    def _facts(self) -> _Facts:
+        """Returns what is known over the box as it is now."""
+        return self._over.setdefault(tuple(self.extents.box().items()), _Facts())
+
+    def _holds_exponents(self, e: Expr) -> bool:
+        """Returns whether an exponential or a large power stands in the sums and products of an expression."""
+        return stands_in(e, lambda n: self._exponent_of(n) is not None, self._has_exponents, _terms_and_factors)
 
     def _may_overflow(self, e: Expr) -> bool:
         """Returns whether some exponential or power in the sums and products of e may be huge or tiny."""
-        return any(self._is_wild(n) for n in _terms_and_factors(e))
+        return stands_in(e, self._is_wild, self._facts().overflowing, _terms_and_factors)
 
     def _is_divided(self, e: Expr) -> bool:
         """Returns whether a sum with exponentials is a denominator in e."""
-        return any(isinstance(n, Pow) and n.exponent < 0 and self._may_overflow(n.base) for n in _terms_and_factors(e))
+
+        def divides(n: Expr) -> bool:
+            return isinstance(n, Pow) and n.exponent < 0 and self._may_overflow(n.base)
+
+        return stands_in(e, divides, self._facts().divided, _terms_and_factors)
 
     def _is_wild(self, node: Expr) -> bool:
         """Returns whether a node is an exponential, or a large power, whose exponent may exceed LARGE."""
-        m = _exponent_of(node)
-        if m is None:
-            return False
-        lo, hi = extent(m, self.box())
-        return not (lo >= -LARGE and hi <= LARGE)
+        wild = self._facts().wild
+        if node not in wild:
+            m = self._exponent_of(node)
+            lo, hi = (0.0, 0.0) if m is None else self.extents.of(m)
+            wild[node] = not (lo >= -LARGE and hi <= LARGE)
+        return wild[node]
+
+    def _exponent_of(self, node: Expr) -> Expr | None:
+        """Returns the logarithm of the size of an exponential or a large power; None for other nodes."""
+        if isinstance(node, Pow) and abs(node.exponent) >= STEEP and not self._varies_inside(node.base):
+            return mul(const(node.exponent), call("log", call("magnitude", node.base)))
+        if not isinstance(node, Call) or self._varies_inside(node):
+            return None
+        match node.name:
+            case "exp":
+                return node.children[0]
+            case "cosh" | "sinh":
+                return call("magnitude", node.children[0])
+            case "pow":
+                return mul(node.children[1], call("log", node.children[0]))
+            case _:
+                return None
+
+    def _varies_inside(self, node: Expr) -> bool:
+        """Returns whether an integral in an expression depends on variables: it would be computed once more at every node."""
+        return node.has_integral and stands_in(
+            node, lambda n: isinstance(n, Integral) and bool(n.free), self._varying, lambda n: n.children
+        )
 
     def _scaled(self, root: Expr) -> Scaled:
         """Returns a number as w·exp(m)."""
-        known: dict[Node, Scaled] = {}
+        known = self._facts().scaled
         stack = [root]
         while stack:
             node = stack[-1]
-            inside = cast("tuple[Expr, ...]", node.children) if isinstance(node, Add | Mul | Pow) and not self._is_wild(node) else ()
+            inside = () if self._is_wild(node) else _terms_and_factors(node)
             missing = [c for c in inside if c not in known]
             if missing:
                 stack.extend(missing)
                 continue
-            known[node] = self._one_scaled(node, [known[c] for c in inside])
+            if node not in known:
+                known[node] = self._one_scaled(node, [known[c] for c in inside])
             stack.pop()
         return known[root]
 
@@ -146,7 +173,7 @@ class ByExponents:
         return integer_power(w, k), mul(const(k), m)
 
     def _wild(self, node: Expr) -> Scaled:
-        m = call("min", cast(Expr, _exponent_of(node)), _LIMIT)
+        m = call("min", cast(Expr, self._exponent_of(node)), _LIMIT)
         if isinstance(node, Pow):
             return (ONE if node.exponent % 2 == 0 else _sign(node.base)), m
         match cast(Call, node).name:
@@ -166,38 +193,18 @@ class ByExponents:
         return add(*(self._product(w, call(name, sub(own, m))) for w, own in parts)), m
 
 
-def _terms_and_factors(e: Expr) -> Iterator[Expr]:
-    """Yields the nodes of the sums, products and powers on top of e, e among them."""
-    stack, seen = [e], set[Node]()
-    while stack:
-        node = stack.pop()
-        if node not in seen:
-            seen.add(node)
-            yield node
-            if isinstance(node, Add | Mul | Pow):
-                stack.extend(cast("tuple[Expr, ...]", node.children))
+class _Facts:
+    """What is known of nodes over one box."""
+
+    def __init__(self) -> None:
+        self.wild: dict[Node, bool] = {}
+        self.overflowing: dict[Node, bool] = {}
+        self.divided: dict[Node, bool] = {}
+        self.scaled: dict[Node, Scaled] = {}
 
 
-def _exponent_of(node: Expr) -> Expr | None:
-    """Returns the logarithm of the size of an exponential or a large power; None for other nodes."""
-    if isinstance(node, Pow) and abs(node.exponent) >= STEEP and not _varies_inside(node.base):
-        return mul(const(node.exponent), call("log", call("magnitude", node.base)))
-    if not isinstance(node, Call) or _varies_inside(node):
-        return None
-    match node.name:
-        case "exp":
-            return node.children[0]
-        case "cosh" | "sinh":
-            return call("magnitude", node.children[0])
-        case "pow":
-            return mul(node.children[1], call("log", node.children[0]))
-        case _:
-            return None
-
-
-def _varies_inside(node: Expr) -> bool:
-    """Returns whether an integral in an expression depends on variables: it would be computed once more at every node."""
-    return node.has_integral and any(isinstance(n, Integral) and n.free for n in postorder([node]))
+def _terms_and_factors(node: Node) -> Sequence[Expr]:
+    return cast("tuple[Expr, ...]", node.children) if isinstance(node, Add | Mul | Pow) else ()
 
 
 def _sign(u: Expr) -> Expr:

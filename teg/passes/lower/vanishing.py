@@ -7,11 +7,11 @@ such products in its tails. Linear for bumps, linear in the nodes of a product f
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from typing import cast
 
 from teg.analysis.calculus import slope
-from teg.analysis.extents import Extent, extent
+from teg.analysis.extents import Extent, Extents
 from teg.analysis.limits import falls
 from teg.analysis.polynomial import Degrees
 from teg.ir.expr import ZERO, Add, Call, Const, Expr, Mul, Pow, Var, Where
@@ -19,6 +19,7 @@ from teg.ir.function import Apply
 from teg.ir.integral import ClosedForm, Integral, PointMasses
 from teg.ir.node import Node, postorder
 from teg.ir.simplify import mul
+from teg.ir.traverse import stands_in
 
 LARGE = 200.0
 """Exponentials within exp(±LARGE) are no danger."""
@@ -34,11 +35,11 @@ class Underflow:
     """Finds Gaussians over infinite ranges that underflow where other factors overflow: exp(-x²/2)·max(exp(s·x) - K, 0)^c far away.
 
     Such a product is 0 there if all exponentials in the others are affine in x, with slopes that are numbers or parameters: these grow
-    less than the Gaussian falls. `box` returns the bounds of variables that are known in numbers.
+    less than the Gaussian falls. `extents` has the bounds of variables that are known in numbers.
     """
 
-    def __init__(self, box: Callable[[], Mapping[Var, Extent]]) -> None:
-        self.box = box
+    def __init__(self, extents: Extents) -> None:
+        self.extents = extents
         self._degrees = Degrees()
 
     def of(self, e: Mul) -> Expr | None:
@@ -52,7 +53,7 @@ class Underflow:
         return mul(*fast) if fast else None
 
     def _extent(self, e: Call) -> Extent:
-        return extent(e.children[0], self.box())
+        return self.extents.of(e.children[0])
 
     def _falling(self, e: Call) -> list[Var]:
         """Returns the variables of infinite range in which an exponential falls like a Gaussian."""
@@ -123,7 +124,7 @@ class Vanishing:
 
     def of(self, e: Mul) -> Expr | None:
         """Returns the product of the factors of e that may vanish faster than others grow; None if there are none."""
-        small = [f for f in e.children if _holds(f, self._decays, self._fallen)]
+        small = [f for f in e.children if stands_in(f, self._decays, self._fallen, _parts)]
         others = [f for f in e.children if f not in small or len(small) > 1]
         return mul(*small) if small and any(map(self._has_pole, others)) else None
 
@@ -132,25 +133,10 @@ class Vanishing:
         return isinstance(node, Call) and node.name == "exp" and falls(node.children[0], _is_pole, self._has_pole)
 
     def _has_pole(self, e: Expr) -> bool:
-        return _holds(e, _is_pole, self._poles)
+        return stands_in(e, _is_pole, self._poles, _parts)
 
 
-def _holds(root: Expr, test: Callable[[Expr], bool], known: dict[Node, bool]) -> bool:
-    """Returns whether a node that passes the test stands in the sums, products and branches of an expression."""
-    stack = [root]
-    while stack:
-        node = stack[-1]
-        inside = _parts(node)
-        missing = [c for c in inside if c not in known]
-        if node not in known and missing:
-            stack.extend(missing)
-            continue
-        known.setdefault(node, test(node) or any([known[c] for c in inside]))
-        stack.pop()
-    return known[root]
-
-
-def _parts(node: Expr) -> Sequence[Expr]:
+def _parts(node: Node) -> Sequence[Expr]:
     inside = node.children[1:] if isinstance(node, Where) else node.children if isinstance(node, Add | Mul | Pow) else ()
     return cast("Sequence[Expr]", inside)
 

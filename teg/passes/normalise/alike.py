@@ -19,14 +19,12 @@ from teg.ir.index import IndexVar, index_const
 from teg.ir.integral import Integral, integral_over
 from teg.ir.node import Node, postorder
 from teg.ir.simplify import add, mul, where
-from teg.ir.traverse import rebuild
+from teg.ir.traverse import Steps, rebuild, unrolled
 from teg.passes.normalise.extremes import with_choices
 from teg.passes.normalise.rows import ROW, Shape, Tables, shape_of, template_of
 
 FEWEST = 12
 """So many alike terms are a loop."""
-DEEPEST = 50
-"""Sums in integrals are looked at so deep."""
 
 
 def with_tables(root: Expr) -> tuple[Expr, Tables]:
@@ -42,6 +40,7 @@ class _Rows:
     def __init__(self, root: Expr) -> None:
         self.tables: Tables = {}
         self.heavy: set[Node] = set()
+        self._made: dict[Node, Expr] = {}
         for node in postorder([root]):
             if isinstance(node, Compare | Integral) or any(c in self.heavy for c in node.children):
                 self.heavy.add(node)
@@ -61,7 +60,7 @@ class _Rows:
                 stack.pop()
             elif isinstance(node, Integral):
                 choice = with_choices(node, self.tables)
-                new[node] = self._linear(node, DEEPEST) if choice is None else choice
+                new[node] = unrolled(self._linear(node)) if choice is None else choice
             elif missing := [c for c in below if c not in new]:
                 stack.extend(missing)
             elif isinstance(node, Add):
@@ -72,24 +71,32 @@ class _Rows:
                 new[node] = rebuild(node, tuple(new[c] for c in node.children))
         return (cast(Expr, new[root]), self.tables) if self.tables else (root, {})
 
-    def _linear(self, e: Expr, depth: int) -> Expr:
-        """Returns an expression with its alike terms as sums, in positions in which it is linear, so deep in it."""
-        if e not in self.heavy or not depth:
+    def _linear(self, e: Expr) -> Steps[Expr]:
+        """Returns an expression with its alike terms as sums, in positions in which it is linear."""
+        if e not in self.heavy:
             return e
+        if e not in self._made:
+            self._made[e] = yield self._made_linear(e)
+        return self._made[e]
+
+    def _made_linear(self, e: Expr) -> Steps[Expr]:
         match e:
             case Integral():
-                return integral_over(self._linear(e.body, depth - 1), e.var, e.lo, e.hi)
+                return integral_over((yield self._linear(e.body)), e.var, e.lo, e.hi)
             case Add():
                 terms, sums = self._gathered(e)
-                parts = [self._linear(term, depth - 1) for term in terms]
+                parts = []
+                for term in terms:
+                    parts.append((yield self._linear(term)))
                 changed = sums or any(part is not term for part, term in zip(parts, terms, strict=True))
                 return add(*parts, *sums) if changed else e
             case Where():
-                return where(e.condition, self._linear(e.then, depth - 1), self._linear(e.otherwise, depth - 1))
+                return where(e.condition, (yield self._linear(e.then)), (yield self._linear(e.otherwise)))
             case Mul():
                 inner = [c for c in e.children if isinstance(c, Add | Integral | Where) and c in self.heavy]
                 if len(inner) == 1:
-                    return mul(*(self._linear(c, depth - 1) if c is inner[0] else c for c in e.children))
+                    found = yield self._linear(inner[0])
+                    return mul(*(found if c is inner[0] else c for c in e.children))
         return e
 
     def _gathered(self, e: Add) -> tuple[list[Expr], list[Expr]]:
