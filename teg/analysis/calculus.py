@@ -112,6 +112,25 @@ def factor_cofactors(node: Mul) -> list[Expr]:
     return result
 
 
+class Slopes:
+    """Slopes by one variable of several expressions; those of their parts are kept."""
+
+    def __init__(self, by: Var) -> None:
+        self.by = by
+        self._tangent: dict[Expr, Expr] = defaultdict(lambda: ZERO)
+
+    def of(self, e: Expr) -> Expr:
+        """Returns ∂e/∂by with conditions held constant. Raises NotDifferentiableError if an integral in e depends on the variable."""
+        if e not in self._tangent:
+            for node in postorder_through(e, (self.by,), self._unknown):
+                if isinstance(node, Expr):
+                    self._tangent[node] = _slope(node, self.by, self._tangent)
+        return self._tangent[e]
+
+    def _unknown(self, node: Node) -> list[Node]:
+        return [c for c in _value_nodes(node) if c not in self._tangent]
+
+
 @lru_cache(maxsize=1024)
 def slope(e: Expr, by: Var | Param) -> Expr:
     """Returns ∂e/∂by with conditions held constant. For atoms; each is asked for its slope again and again.

@@ -23,7 +23,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import cast
 
-from teg.analysis.calculus import slope
+from teg.analysis.calculus import Slopes, slope
 from teg.analysis.evaluate import folded, values_of
 from teg.analysis.intervals import Enclosure, Interval
 from teg.analysis.polynomial import Degrees
@@ -337,7 +337,8 @@ def tame_ones(known: Sequence[Sharp], ranges: Mapping[Var, Interval], x: Var, ga
     undecided = [i for i, settled in enumerate(tame) if not settled and known[i].factor is not None]
     if gap is None or not undecided:
         return tame
-    rates = _numbers([b for i in undecided for b in _rate(known[i], x, boxed) or nothing])
+    slopes = Slopes(x)
+    rates = _numbers([b for i in undecided for b in _rate(known[i], slopes, boxed) or nothing])
     lo, hi = _numbers(ranges[x])
     for i, slowest, fastest in zip(undecided, rates[::2], rates[1::2], strict=True):
         change = max(abs(slowest), abs(fastest)) * (hi - lo) * gap
@@ -361,10 +362,10 @@ def _certain(sharp: Sharp, boxed: Enclosure) -> tuple[Expr, Expr] | None:
         return None
 
 
-def _rate(sharp: Sharp, x: Var, boxed: Enclosure) -> Interval | None:
+def _rate(sharp: Sharp, slopes: Slopes, boxed: Enclosure) -> Interval | None:
     """Returns bounds of the slope of the logarithm of a sharp value."""
     try:
-        rate = mul(cast(Expr, sharp.factor), slope(sharp.argument, x))
+        rate = mul(cast(Expr, sharp.factor), slopes.of(sharp.argument))
         return boxed.of(mul(rate, integer_power(sharp.argument, -1)) if sharp.power else rate)
     except NotDifferentiableError:
         return None

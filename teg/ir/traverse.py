@@ -245,7 +245,7 @@ def rename_apart(root: Node) -> Node:
     return new[root]
 
 
-def stands_in(root: Expr, test: Callable[[Any], bool], known: dict[Node, bool], below: Callable[[Any], Iterable[Node]]) -> bool:
+def stands_in(root: Node, test: Callable[[Any], bool], known: dict[Node, bool], below: Callable[[Any], Iterable[Node]]) -> bool:
     """Returns whether a node that passes a test stands in an expression: `below` gives the nodes to look at below one. What is found out
     about all of them is kept in `known`."""
     stack: list[Node] = [root]

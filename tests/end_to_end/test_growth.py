@@ -273,6 +273,59 @@ def test_an_expression_20_000_deep(backend: str) -> None:
     assert 0 <= gradient["t"] < 1e-300
 
 
+# -- what is deep, and what is used twice at each level ----------------------------------------------------------------
+
+CHAINS: dict[str, tuple[Callable[[teg.Expr, int], teg.Expr], Callable[[float, int], float]]] = {
+    "a polynomial by Horner": (lambda q, k: q * (0.5 * x) + 0.25, lambda q, k: 0.5 * q * T + 0.25),
+    "sums of a pole": (lambda q, k: 0.5 * q + 1 / (3 + x), lambda q, k: 0.5 * q + 1 / (3 + T)),
+    "a continued fraction": (lambda q, k: 1 / (1 + 0.5 * q), lambda q, k: 1 / (1 + 0.5 * q)),
+    "quotients of squares": (lambda q, k: q / (1 + q * q) + 0.1, lambda q, k: q / (1 + q * q) + 0.1),
+    "Gaussians": (lambda q, k: teg.exp(-q * q) * q + 0.3, lambda q, k: math.exp(-q * q) * q + 0.3),
+    "exponentials and poles": (lambda q, k: teg.exp(-q * q) + 1 / (1 + q), lambda q, k: math.exp(-q * q) + 1 / (1 + q)),
+    "logistics": (lambda q, k: teg.exp(q) / (1 + teg.exp(q)) + 0.1 * q, lambda q, k: math.exp(q) / (1 + math.exp(q)) + 0.1 * q),
+    "choices by a parameter": (
+        lambda q, k: teg.where(teg.param("a") < k % 2 + 0.5, 0.5 * q + 0.1 * x, 0.3 * q + 0.2),
+        lambda q, k: 0.5 * q + 0.1 * T if k % 2 else 0.3 * q + 0.2,
+    ),
+}
+"""A level of an expression by the one below, and its number at T, where a is 1."""
+T = 0.4
+
+
+def chain(name: str, levels: int) -> teg.Expr:
+    e: teg.Expr = x
+    for k in range(levels):
+        e = CHAINS[name][0](e, k)
+    return teg.integral(teg.bracket(x < teg.param("t")) * e, (x, 0, 1))
+
+
+@pytest.mark.parametrize("name", CHAINS)
+def test_integrands_of_hundreds_of_levels(name: str) -> None:
+    """The derivative by t is the integrand at t. No level is a call of Python's, and what two levels share is looked at once."""
+    at = {"t": T, "a": 1.0} if "parameter" in name else {"t": T}
+    f = teg.compile(chain(name, 400), [teg.param("t")])
+    wanted = T
+    for k in range(400):
+        wanted = CHAINS[name][1](wanted, k)
+    assert f.grad(at)["t"] == pytest.approx(wanted, rel=1e-12)
+
+
+@pytest.mark.parametrize("name", CHAINS)
+def test_the_work_of_levels_is_linear(name: str) -> None:
+    counts = {n: work(lambda n=n: teg.compile(chain(name, n), [teg.param("t")]).program(1)) for n in (20, 80)}
+    assert slope(counts) <= 1.35, counts
+
+
+def test_a_polynomial_of_a_degree_that_nobody_writes_out() -> None:
+    """Degree 2²⁰, by squares: integrated numerically."""
+    e: teg.Expr = x
+    wanted = T
+    for _ in range(20):
+        e, wanted = 0.3 * e * e + 0.1 * e + 0.2, 0.3 * wanted**2 + 0.1 * wanted + 0.2
+    f = teg.compile(teg.integral(teg.bracket(x < teg.param("t")) * e, (x, 0, 1)))
+    assert f.grad(t=T)["t"] == pytest.approx(wanted, rel=1e-12)
+
+
 # -- what is bounded ---------------------------------------------------------------------------------------------------
 
 

@@ -26,7 +26,7 @@ from teg.ir.function import Apply
 from teg.ir.integral import Integral, PointMasses
 from teg.ir.node import Node, postorder, postorder_through
 from teg.ir.simplify import add, call, div, integer_power, mul, positive, sub, where
-from teg.ir.traverse import substitute
+from teg.ir.traverse import Steps, stands_in, substitute, unrolled
 from teg.passes.lower.gaussian import MOST_DEGREE, Gaussian, is_gaussian, mean_at_nodes
 from teg.program import Gauss
 
@@ -40,7 +40,7 @@ DAMPED_NODES = 8
 """Nodes that integrate polynomials times an exponential and a wave to rounding where both arguments change by 1 at most."""
 MOST_TERMS = 16
 MOST_NODES = 2000
-"""The largest number of terms of a mean, and of nodes of an integrand."""
+"""The largest number of terms of a mean; of nodes of an integrand, and of its parts when it is multiplied out."""
 KEPT = 1024
 """The integrands whose means are kept."""
 
@@ -118,37 +118,51 @@ class _Means:
     def __init__(self, x: Var) -> None:
         self.x, self.p, self.q = x, P, Q
         self.length = sub(Q, P)
-        self.terms = self.polynomials = 0
+        self.terms = self.polynomials = self._met = 0
         self.gaussians: list[Gaussian] = []
         self._shadow = Shadow((x,))
+        self._moving: dict[Node, bool] = {}
+        self._choosing: dict[Node, bool] = {}
 
     def of(self, e: Expr) -> Expr:
-        """Returns the mean of an expression. Raises NoMeanError if it has no closed form."""
+        """Returns the mean of an expression. Raises NoMeanError if it has no closed form, or one of too many terms."""
+        return unrolled(self._mean(e))
+
+    def _mean(self, e: Expr) -> Steps[Expr]:
+        self._met += 1
+        if self._met > MOST_NODES:
+            raise NoMeanError
         if self._is_constant(e):
             self.polynomials += e is not ZERO
             return e
         match e:
             case Add():
-                return add(*(self.of(c) for c in e.children))
+                parts = []
+                for c in e.children:
+                    parts.append((yield self._mean(c)))
+                return add(*parts)
             case Where():
-                return where(e.condition, self.of(e.then), self.of(e.otherwise))
-            case Mul():
-                return self._product(list(e.children))
-            case Pow():
-                return self._product([e])
+                return where(e.condition, (yield self._mean(e.then)), (yield self._mean(e.otherwise)))
+            case Mul() | Pow():
+                mean: Expr = yield self._product(e.children if isinstance(e, Mul) else [e])
+                return mean
             case _:
                 return self._term([e])
 
-    def _product(self, factors: Sequence[Expr]) -> Expr:
+    def _product(self, factors: Sequence[Expr]) -> Steps[Expr]:
         """Returns the mean of a product. A sum or a choice among the factors is multiplied out."""
         outside = [f for f in factors if self._is_constant(f)]
         inside = [g for f in factors if not self._is_constant(f) for g in self._written_out(f)]
         for i, f in enumerate(inside):
             others = inside[:i] + inside[i + 1 :]
             if isinstance(f, Where):
-                return mul(*outside, where(f.condition, self.of(mul(f.then, *others)), self.of(mul(f.otherwise, *others))))
+                then = yield self._mean(mul(f.then, *others))
+                return mul(*outside, where(f.condition, then, (yield self._mean(mul(f.otherwise, *others)))))
             if isinstance(f, Add) and not self._is_polynomial(f):
-                return mul(*outside, add(*(self.of(mul(c, *others)) for c in f.children)))
+                parts = []
+                for c in f.children:
+                    parts.append((yield self._mean(mul(c, *others))))
+                return mul(*outside, add(*parts))
         return mul(*outside, self._term(inside))
 
     def _written_out(self, e: Expr) -> Sequence[Expr]:
@@ -159,14 +173,20 @@ class _Means:
 
     def _is_constant(self, e: Expr) -> bool:
         """Returns whether an expression depends on x by conditions only, which are constant on a piece."""
-        return not any(n is self.x for n in postorder_through(e, (self.x,), _values))
+        return not stands_in(e, lambda n: n is self.x, self._moving, self._below)
+
+    def _below(self, node: Node) -> Sequence[Node]:
+        return [c for c in _values(node) if self.x in c.free]
+
+    def _with_variable(self, node: Node) -> Sequence[Node]:
+        return [c for c in node.children if self.x in c.free]
 
     def _is_polynomial(self, e: Expr) -> bool:
         return self._degree(e) is not None
 
     def _degree(self, e: Expr) -> int | None:
         """Returns the degree of an expression without conditions on x, None if it is no polynomial."""
-        if any(isinstance(n, Where) for n in postorder_through(e, (self.x,))):
+        if self.x in e.free and stands_in(e, lambda n: isinstance(n, Where), self._choosing, self._with_variable):
             return None
         return self._shadow.degree(e)
 

@@ -20,10 +20,10 @@ import math
 from typing import cast
 
 from teg.analysis.polynomial import Shadow
-from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Call, Compare, Cond, Const, Expr, HalfAngle, Mul, Pow, const, has_cut
+from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Call, Compare, Cond, Const, Expr, HalfAngle, Mul, Param, Pow, Where, const, has_cut
 from teg.ir.node import Node, postorder
 from teg.ir.simplify import add, call, conjunction, disjunction, div, half_angle, mul, negation, positive, sub, where
-from teg.ir.traverse import parameters, rebuild
+from teg.ir.traverse import parameters, rebuild, stands_in
 from teg.passes.normalise.denominators import cleared, has_variable_denominator, tangents_as_quotients
 from teg.passes.normalise.quotients import with_whole_branches
 
@@ -36,27 +36,56 @@ def with_cuts(root: Expr) -> Expr:
     order = postorder([root])
     if not any(isinstance(n, Call) and n.free and (n.name == "atan2" or n.name in LIMITED) for n in order):
         return root
-    inside, outside = dict[Node, Node](), dict[Node, Node]()
+    inside, outside, cuts = dict[Node, Node](), dict[Node, Node](), _Cuts()
+    in_conditions = set(postorder([n for n in order if isinstance(n, Compare)]))
     for node in order:
-        inside[node] = _rebuilt(node, tuple(inside[c] for c in node.children), True)
+        if node in in_conditions:
+            inside[node] = cuts.rebuilt(node, tuple(inside[c] for c in node.children), True)
         if isinstance(node, Compare):
             lines = _half_planes(node)
             inside[node] = outside[node] = inside[node] if lines is None else lines
         else:
-            outside[node] = _rebuilt(node, tuple(outside[c] for c in node.children), False)
+            outside[node] = cuts.rebuilt(node, tuple(outside[c] for c in node.children), False)
     return cast(Expr, outside[root])
 
 
-def _rebuilt(node: Node, children: tuple[Node, ...], in_condition: bool) -> Node:
-    """Returns a node of new children, with the jumps of a function as conditions."""
-    result = rebuild(node, children)
-    if isinstance(result, Mul):
-        return with_whole_branches(result)
-    if not isinstance(result, Call) or not result.free or isinstance(result, HalfAngle):
-        return result
-    if result.name == "atan2":
-        return _angle(result, in_condition)
-    return _limited(result, in_condition) if result.name in LIMITED else result
+class _Cuts:
+    """The cuts of the functions of one program; what is found out about a node is kept."""
+
+    def __init__(self) -> None:
+        self._moving: dict[Node, bool] = {}
+        self._poles: tuple[dict[Node, bool], dict[Node, bool]] = {}, {}
+
+    def rebuilt(self, node: Node, children: tuple[Node, ...], in_condition: bool) -> Node:
+        """Returns a node of new children, with the jumps of a function as conditions."""
+        result = rebuild(node, children)
+        if isinstance(result, Mul):
+            return with_whole_branches(result)
+        if not isinstance(result, Call) or not result.free or isinstance(result, HalfAngle):
+            return result
+        if result.name == "atan2":
+            return _angle(result, in_condition)
+        if result.name not in LIMITED or not self._may_jump(result.children[0], in_condition):
+            return result
+        return _limited(result, in_condition)
+
+    def _may_jump(self, argument: Node, in_condition: bool) -> bool:
+        """Returns whether a denominator in an argument depends on variables, and moves or stands in a condition."""
+
+        def counts(n: Node) -> bool:
+            if isinstance(n, Call):
+                return n.name == "tan" and bool(n.free)
+            return isinstance(n, Pow) and n.exponent < 0 and bool(n.free) and (in_condition or self._moves(n))
+
+        return stands_in(argument, counts, self._poles[in_condition], _values)
+
+    def _moves(self, e: Node) -> bool:
+        return stands_in(e, lambda n: isinstance(n, Param), self._moving, lambda n: n.children)
+
+
+def _values(node: Node) -> tuple[Node, ...]:
+    """Returns the operands of a node whose denominators are its own."""
+    return node.children[1:] if isinstance(node, Where) else node.children if isinstance(node, Add | Mul | Pow) else ()
 
 
 def _angle(e: Call, in_condition: bool) -> Expr:
