@@ -30,6 +30,7 @@ from teg.analysis.surfaces import atoms_of
 from teg.errors import NotDifferentiableError
 from teg.ir.expr import FALSE, ONE, TRUE, ZERO, Cond, Const, Expr, Mul, Pow, Var, const
 from teg.ir.integral import Integral, masses_of
+from teg.ir.node import postorder
 from teg.ir.simplify import add, call, conjunction, disjunction, div, integer_power, mul, negation, positive, sub, where
 from teg.ir.traverse import substitute
 
@@ -144,8 +145,12 @@ class Projection:
             self.others.append(f)
             if not apart:
                 self.out.rooted = True
-                for g in _borders_of_existence(self.analysis.solve(f, z, lo, hi), z):
+                roots = self.analysis.solve(f, z, lo, hi)
+                for g in _borders_of_existence(roots, z):
                     self._put(g)
+                for root in roots.found if roots is not None else ():
+                    for pole in _denominators(root.point):
+                        self.out.turns[Turn("pole", pole, conjunction(root.exists, within(root.point, lo, hi)))] = None
                 self._flat_roots(f)
 
     def _flat_roots(self, f: Expr) -> None:
@@ -308,6 +313,11 @@ def _at_the_turn(first: tuple[Expr, Expr, Expr], second: tuple[Expr, Expr, Expr]
     its square, over 16A₁²."""
     (a1, b1, _), (a2, b2, c2) = first, second
     return add(mul(a2, integer_power(b1, 2)), mul(const(-2.0), a1, b1, b2), mul(const(4.0), integer_power(a1, 2), c2))
+
+
+def _denominators(point: Expr) -> list[Expr]:
+    """Returns the functions of outer variables by which a root is divided."""
+    return [n.base for n in postorder([point]) if isinstance(n, Pow) and n.exponent < 0 and n.base.free]
 
 
 def _borders_of_existence(roots: Roots | None, z: Var) -> list[Expr]:

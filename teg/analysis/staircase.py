@@ -206,7 +206,7 @@ def _steps(u: Expr, extent: Extent | None, is_curved: bool) -> Steps | None:
         return None
     levels = [add(base, const(float(i))) for i in range(count)]
     if is_curved:
-        levels = _moved_out(levels, least, most)
+        levels = _moved_out(levels, least, most if _is_analytic(u) else None)
     return Steps(base, tuple(_beyond(u, level) for level in levels), guard)
 
 
@@ -214,16 +214,17 @@ def _beyond(u: Expr, level: Expr) -> Cond:
     return positive(sub(u, level), strict=False)
 
 
-def _moved_out(levels: list[Expr], least: Expr, most: Expr) -> list[Expr]:
+def _moved_out(levels: list[Expr], least: Expr, most: Expr | None) -> list[Expr]:
     """Returns the levels, with those at a fixed end of the range moved out of it.
 
-    An end is fixed if parameters do not move it, like that of t·x² at 0: no step enters there, and the slope may be 0.
+    An end is fixed if parameters do not move it, like that of t·x² at 0: no step enters there, and the slope may be 0. All values are
+    beyond a level at the least one, moved or not; one at the largest value (None: stays) is moved if no flat piece may lie on it.
     """
     first, *others = levels
-    below, above = _touching(least), _touching(most)
+    below, above = _touching(least), None if most is None else _touching(most)
     if below is not None:
         first = where(_is_near(first, least, below), sub(first, ONE), first)
-    if above is not None:
+    if above is not None and most is not None:
         others = [where(_is_near(level, most, above), add(level, ONE), level) for level in others]
     return [first, *others]
 

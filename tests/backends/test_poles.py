@@ -279,3 +279,36 @@ def test_a_batch_that_shares_a_parameter_is_told_of_the_pole_it_meets() -> None:
     with pytest.warns(AccuracyWarning, match="does not converge at a = 0"):
         found = f(a=np.array([1.0, 0.0]), b=2.0)
     np.testing.assert_allclose(found, [2 * math.log(2), math.inf])
+
+
+SHIFTED = x * (y + a)
+WORDS = {
+    "a root": teg.sqrt(SHIFTED) < teg.sqrt(t),
+    "a logarithm": teg.log(SHIFTED) < teg.log(t),
+    "a power": SHIFTED**1.5 < t**1.5,
+    "a fourth root": SHIFTED**0.25 < t**0.25,
+    "an inverse root": 1 / teg.sqrt(SHIFTED) > 1 / teg.sqrt(t),
+    "a root of more": teg.sqrt(SHIFTED + 1) < teg.sqrt(t + 1),
+    "an exponential of a root": teg.exp(teg.sqrt(SHIFTED)) < teg.exp(teg.sqrt(t)),
+    "log1p": teg.log1p(SHIFTED) < teg.log1p(t),
+    "not": ~(teg.sqrt(SHIFTED) >= teg.sqrt(t)),
+}
+"""x·(y + a) < t, where a function hides that the root in x, t/(y + a), has a pole."""
+
+
+@pytest.mark.parametrize("backend", ["numpy", "c"])
+@pytest.mark.parametrize("name", WORDS)
+def test_a_pole_of_a_root_that_a_function_hides(name: str, backend: str) -> None:
+    f = teg.compile(teg.integral(teg.bracket(WORDS[name]) * (1 + b * x), (x, 0, 1), (y, 0, 1)), [t, a, b], backend=backend)
+    at = {"t": 0.4, "a": 0.7, "b": 0.0}
+    area, square = 0.4 * math.log(1.7 / 0.7), 0.4 * 0.4 * (1 / 0.7 - 1 / 1.7)
+    value, slopes = f.value_and_grad(at)
+    assert value == pytest.approx(area, rel=1e-12)
+    assert slopes["t"] == pytest.approx(area / 0.4, rel=1e-11)
+    assert slopes["a"] == pytest.approx(-square / 0.4, rel=1e-11)
+    assert slopes["b"] == pytest.approx(square / 2, rel=1e-12)
+
+
+def test_a_pole_at_the_end_of_the_range() -> None:
+    f = teg.compile(teg.integral(teg.bracket(teg.sqrt(x * y) < t), (x, 0, 1), (y, 0, 1)))
+    assert f(t=0.5) == pytest.approx(0.25 * (1 - 2 * math.log(0.5)), rel=1e-12)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import teg
+from teg.analysis.extents import Extents
 from teg.ir.expr import Mul
 from teg.passes.lower.vanishing import Underflow, Vanishing
 
@@ -208,7 +209,7 @@ def test_a_power_of_an_exponential(backend: str) -> None:
 
 def test_only_gaussians_that_fall_faster() -> None:
     """exp(-x²/2) may be taken for 0 beside exponentials of multiples of x, and not beside exp(x·y) or exp(x³)."""
-    underflow = Underflow(dict)
+    underflow = Underflow(Extents(dict))
     small = teg.ir.simplify.call("exp", (-0.5) * x**2)
 
     def taken(e: teg.Expr) -> teg.Expr | None:
@@ -228,4 +229,4 @@ def test_only_gaussians_that_fall_faster() -> None:
     assert taken(teg.exp(t * x) / (1 + teg.exp(-(x**4)))) is None
     assert taken(teg.integral(teg.exp(y), (y, 0, x**2))) is None
     assert taken(teg.cos(x)) is None
-    assert Underflow(lambda: {x: (-1.0, 1.0)}).of(teg.ir.simplify.mul(small, teg.exp(a * x) + 1)) is None
+    assert Underflow(Extents(lambda: {x: (-1.0, 1.0)})).of(teg.ir.simplify.mul(small, teg.exp(a * x) + 1)) is None

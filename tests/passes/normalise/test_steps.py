@@ -507,3 +507,42 @@ def test_deep_expressions() -> None:
     for _ in range(20_000):
         f = f * 0.5 + 1
     assert not any(is_step(n) for n in postorder([enumerate_steps(INT(f, (x, 0, 1)))]))
+
+
+PLATEAUS: dict[str, tuple[teg.Expr, float, float]] = {
+    "floor of a bracket": (teg.integral(teg.floor(teg.bracket(x < t)), (x, 0, 1)), 0.7, 1.0),
+    "floor of what is 1 outside": (teg.integral(teg.floor(1 - teg.bracket(x < t)), (x, 0, 1)), 0.3, -1.0),
+    "ceil of a bracket": (teg.integral(teg.ceil(teg.bracket(x < t)), (x, 0, 1)), 0.7, 1.0),
+    "remainder of a bracket": (teg.integral(teg.mod(teg.bracket(x < t), 1), (x, 0, 1)), 0.0, 0.0),
+    "one region or the other": (
+        teg.integral(teg.mod(teg.bracket(x < t) + teg.bracket(y < a), 2), (x, 0, 1), (y, 0, 1)),
+        0.7 * 0.7 + 0.3 * 0.3,
+        0.7 - 0.3,
+    ),
+    "both regions": (
+        teg.integral(teg.bracket(teg.floor((teg.bracket(x < t) + teg.bracket(y < a)) / 2) > 0.5), (x, 0, 1), (y, 0, 1)),
+        0.7 * 0.3,
+        0.3,
+    ),
+    "a choice of whole numbers": (teg.integral(teg.floor(teg.where(x < t, 2, 5)), (x, 0, 1)), 2 * 0.7 + 5 * 0.3, -3.0),
+    "a sign": (teg.integral(teg.floor(teg.sign(t - x)), (x, 0, 1)), 0.7 - 0.3, 2.0),
+    "the end of a minimum": (teg.integral(teg.floor(teg.minimum(x / t, 2)), (x, 0, 3)), 0.7 + 2 * (3 - 1.4), 1 - 4.0),
+    "zero on one side": (teg.integral(teg.floor(x - t - abs(x - t)), (x, -1, 1)), -(0.5 + 2 * 0.5 + 3 * 0.5 + 4 * 0.2), -4.0),
+    "a curve up to a plateau": (
+        teg.integral(teg.floor(teg.minimum(x * x / t, 1)), (x, 0, 1)),
+        1 - math.sqrt(0.7),
+        -0.5 / math.sqrt(0.7),
+    ),
+}
+"""Floors of functions with a piece on which they are the largest or the least integer of their range; values and slopes by t at
+t = 0.7, a = 0.3."""
+
+
+@pytest.mark.parametrize("backend", ["numpy", "c"])
+@pytest.mark.parametrize("name", PLATEAUS)
+def test_plateaus_at_the_ends_of_a_staircase(name: str, backend: str) -> None:
+    e, value, rate = PLATEAUS[name]
+    f = teg.compile(e, [t, a], backend=backend)
+    found, slopes = f.value_and_grad(t=0.7, a=0.3)
+    assert found == pytest.approx(value, abs=1e-12)
+    assert slopes["t"] == pytest.approx(rate, abs=1e-12)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from teg.analysis.breaks import BreakAnalysis
 from teg.analysis.polynomial import Poly
 from teg.analysis.projection import Turn
+from teg.ir.expr import FALSE
 from teg.ir.integral import Integral
 from teg.numerics.field import P, divided
 
@@ -31,7 +32,7 @@ def match_pole(node: Integral, analysis: BreakAnalysis) -> Pole | None:
     """The pole of an integrand that is a polynomial over a power of a linear function on each piece, and a polynomial where that does
     not count; None if it has none, or has others, or is not known to be like this."""
     breaks, x = analysis.of(node), node.var
-    turns = [turn for turn in breaks.bends if turn.kind == "pole"]
+    turns = [turn for turn in breaks.bends if turn.kind == "pole" and turn.when is not FALSE]
     if not breaks.complete or breaks.isolated or len(turns) != 1:
         return None
     turn, shadow = turns[0], analysis.shadow((x,))
