@@ -20,6 +20,7 @@ from typing import NamedTuple, cast
 
 from teg.analysis.remarks import Remarks
 from teg.analysis.settings import Integration
+from teg.analysis.sift import deltas_of
 from teg.errors import EstimatorError, OptionError, ParameterError, ScopeError
 from teg.ir import simplify
 from teg.ir.expr import ONE, ZERO, Expr, Param, Tuple, Var
@@ -225,7 +226,8 @@ def compiled_outputs(
         return _estimated_outputs(e, wrt, orders, estimator, maps)
     e, families, sifted = write_out(e), families_with(maps), isinstance(estimator, Exact)
     last_families = closing(families, boundary_terms(remarks)) if closed_forms else families
-    estimate = partial(eliminate_deltas, families=last_families, remarks=remarks) if sifted else ignore_discontinuities
+    eliminate = partial(eliminate_deltas, remarks=remarks, written=deltas_of(e))
+    estimate = partial(eliminate, families=last_families) if sifted else ignore_discontinuities
     canonical = Canonical()  # canonical nodes are met again at the end
     outputs = [normal_form(e, maps=maps, canonical=canonical, remarks=remarks)]
     source = normal_form(e, True, maps, canonical, remarks) if e.has_delta else outputs[0]
@@ -237,7 +239,7 @@ def compiled_outputs(
         if sifted:
             raw = run_pass("finite bounds", partial(with_finite_bounds, endless=is_endless), raw)
         if not last and sifted:  # deltas that are carried along are eliminated beside, not before, the next derivative
-            raw = run_pass("eliminate", partial(eliminate_deltas, keep_moving=True, families=families, remarks=remarks), raw)
+            raw = run_pass("eliminate", partial(eliminate, keep_moving=True, families=families), raw)
         outputs.append(run_pass(estimator.name, estimate, raw))
         if not last:
             source = run_pass("canonicalise", canonical, raw if sifted else outputs[-1])

@@ -112,25 +112,37 @@ def families_with(maps: Sequence[Diffeomorphism]) -> Families:
     return (*alone, *FORMULAS, *formulas, *FAMILIES[len(FORMULAS) :], *others)
 
 
-def eliminate_deltas(root: Expr, keep_moving: bool = False, families: Families = FAMILIES, remarks: Remarks | None = None) -> Expr:
+def eliminate_deltas(
+    root: Expr,
+    keep_moving: bool = False,
+    families: Families = FAMILIES,
+    remarks: Remarks | None = None,
+    written: Collection[Delta] | None = None,
+) -> Expr:
     """Returns the program without δ. Raises NoReparameterisationError for a surface that no family reduces, DeltaError for a misplaced δ.
 
     `keep_moving` leaves those deltas in the program that are carried along when it is differentiated again. `remarks` are told which
     family each surface has. Two level sets of one function, x·y = t and x·y = a, do not meet: where one is sifted the other is a δ of
-    parameters only, which belongs to no integral and contributes nothing.
+    parameters only, which belongs to no integral and contributes nothing. A `written` one is an error (None: all of the program are
+    written by the user, none by a derivative).
     """
-    written = set(deltas_of(root))
+    written = set(deltas_of(root) if written is None else written)
     while root.has_delta:  # a product of deltas loses one factor in each round
         round_ = _Elimination(cast(Expr, rename_apart(root)), keep_moving, families, Remarks() if remarks is None else remarks)
-        reduced = round_.run()
+        reduced = round_.run(written)
         if reduced is root and round_.kept:
             break
         if reduced is root:
             raise DeltaError(
                 "a Dirac delta is under no integral over its variables", deltas_of(root)[0], "integrate over one of the variables in it"
             )
-        root = with_cleared_deltas(without(reduced, {d for d in deltas_of(reduced) if not d.g.free and d not in written}))
+        root = with_cleared_deltas(without(reduced, _of_parameters(reduced) - written))
     return root
+
+
+def _of_parameters(e: Expr) -> set[Delta]:
+    """Returns the deltas without variables."""
+    return {d for d in deltas_of(e) if not d.g.free}
 
 
 def is_endless(g: Expr, mine: Sequence[Var], outer: Collection[Var]) -> bool:
@@ -194,10 +206,13 @@ class _Elimination:
         self.reasons: dict[Expr, str] = {}  # of a decision that is not the first family that matches
         self.sifted: dict[tuple[Delta, Expr, Chain], Expr] = {}
 
-    def run(self) -> Expr:
+    def run(self, written: set[Delta]) -> Expr:
+        """Returns the program after one round. Deltas without variables that are not `written` by the user contribute nothing."""
         new: dict[Node, Node] = {}
         for node in postorder([self.root]):
             result = rebuild(node, tuple([new[c] for c in node.children]))
+            if isinstance(result, Integral) and result.body.has_delta and (met := _of_parameters(result.body) - written):
+                result = integral_over(without(result.body, met), result.var, result.lo, result.hi)
             if isinstance(result, Integral) and result.has_delta:
                 result = self._integral(result)
             new[node] = result

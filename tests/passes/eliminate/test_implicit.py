@@ -357,3 +357,22 @@ def test_reversed_bounds_turn_the_sign(surface: str, bounds: Any) -> None:
     for name, slope in slopes.items():
         assert others[name] == pytest.approx(-slope, abs=1e-9)
     assert g.hessian(at | ends)["t", "t"] == pytest.approx(-f.hessian(at)["t", "t"], abs=1e-7)
+
+
+QUOTIENTS = {
+    "a quotient": (t / (x + a), lambda t, a: [0.0, 1 / (1 + a) - 1 / a, t / a**2 - t / (1 + a) ** 2]),
+    "x over a sum": (
+        t * x / (x + a),
+        lambda t, a: [0.0, a / a - (a / (1 + a) + math.log((1 + a) / a)), t * (-1 / (1 + a) + 1 / a - 1 / (1 + a) ** 2)],
+    ),
+}
+
+
+@pytest.mark.parametrize("backend", ["numpy", "c"])
+@pytest.mark.parametrize("name", QUOTIENTS)
+def test_second_derivatives_of_the_area_under_a_quotient(name: str, backend: str) -> None:
+    """The denominator's surface and the quotient's meet at t = 0 alone: a delta of t, which contributes nothing."""
+    height, wanted = QUOTIENTS[name]
+    f = teg.compile(teg.integral(teg.bracket(y < height), (x, 0, 1), (y, 0, 1)), [t, a], backend=backend)
+    h = f.hessian(t=0.3, a=0.7)
+    assert [h["t", "t"], h["t", "a"], h["a", "a"]] == pytest.approx(wanted(0.3, 0.7), abs=1e-12)
