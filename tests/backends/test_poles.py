@@ -285,8 +285,8 @@ SHIFTED = x * (y + a)
 WORDS = {
     "a root": teg.sqrt(SHIFTED) < teg.sqrt(t),
     "a logarithm": teg.log(SHIFTED) < teg.log(t),
-    "a power": SHIFTED**1.5 < t**1.5,
-    "a fourth root": SHIFTED**0.25 < t**0.25,
+    "a power": t**1.5 > SHIFTED**1.5,
+    "a fourth root": t**0.25 > SHIFTED**0.25,
     "an inverse root": 1 / teg.sqrt(SHIFTED) > 1 / teg.sqrt(t),
     "a root of more": teg.sqrt(SHIFTED + 1) < teg.sqrt(t + 1),
     "an exponential of a root": teg.exp(teg.sqrt(SHIFTED)) < teg.exp(teg.sqrt(t)),
