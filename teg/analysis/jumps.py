@@ -22,10 +22,10 @@ from teg.analysis.polynomial import Point
 from teg.analysis.singularities import fades_at
 from teg.ir import expr as ex
 from teg.ir import simplify
-from teg.ir.expr import FALSE, TRUE, ZERO, Add, Call, Compare, Cond, Const, Expr, Mul, Tuple, Where
+from teg.ir.expr import FALSE, TRUE, ZERO, Add, And, Call, Compare, Cond, Const, Expr, Mul, Or, Tuple, Where
 from teg.ir.integral import Integral, integral_over
 from teg.ir.node import Node, postorder
-from teg.ir.simplify import add, mul, sub, where
+from teg.ir.simplify import add, conjunction, disjunction, mul, negation, sub, where
 from teg.ir.traverse import rebuild, replace_node
 
 
@@ -114,6 +114,10 @@ def jump(e: Expr, surface: Expr) -> Expr:
                     jumps[node] = where(c1, ZERO, sub(b1, a0))
                 elif c1 is TRUE and node.then not in one:
                     jumps[node] = where(c0, ZERO, sub(a1, b0))
+                elif a1 is a0 and b1 is b0 and (more := _less(c1, c0)) is not None:
+                    jumps[node] = where(more, sub(a1, b1), ZERO)
+                elif a1 is a0 and b1 is b0 and (fewer := _less(c0, c1)) is not None:
+                    jumps[node] = where(fewer, sub(b1, a1), ZERO)
                 else:
                     jumps[node] = sub(where(c1, a1, b1), where(c0, a0, b0))
             case Tuple():
@@ -123,6 +127,23 @@ def jump(e: Expr, surface: Expr) -> Expr:
             case _:
                 jumps[node] = sub(at(one, node), at(zero, node))
     return jumps[e]
+
+
+def _less(larger: Cond, smaller: Cond) -> Cond | None:
+    """Returns where a condition holds and one of its alternatives does not: u | v without v is u & ~v, or u if they exclude each other.
+    None if the second condition is not written as a part of the first."""
+    every, part = (c.children if isinstance(c, Or) else (c,) for c in (larger, smaller))
+    if not set(part) < set(every):
+        return None
+    rest = [c for c in every if c not in part]
+    others = [v for v in part if not all(_exclude(u, v) for u in rest)]
+    return conjunction(disjunction(*rest), *(negation(v) for v in others))
+
+
+def _exclude(u: Cond, v: Cond) -> bool:
+    """Returns whether two conditions have a part and its negation."""
+    parts = set(u.children if isinstance(u, And) else (u,))
+    return any(negation(c) in parts for c in (v.children if isinstance(v, And) else (v,)))
 
 
 def _product_jump(node: Mul, of: Any, one: Any, zero: Any) -> Expr:

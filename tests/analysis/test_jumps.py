@@ -9,6 +9,7 @@ import pytest
 import teg
 from teg.analysis.jumps import assign, jump, surface_terms, vanishes_on
 from teg.ir.expr import FALSE, ONE, TRUE, ZERO, const
+from teg.passes.normalise.canonicalise import canonicalise
 
 x, y = teg.vars("x y")
 t, a, b = teg.params("t a b")
@@ -115,3 +116,35 @@ def test_a_jump_has_one() -> None:
 def test_kinks_of_waves_have_no_delta(kink: teg.Expr) -> None:
     assert not teg.diff(kink, x).has_delta
     assert not teg.diff(teg.integral(kink, (x, 0, 1)), t).has_delta
+
+
+@pytest.mark.parametrize(
+    ("condition", "expected"),
+    [
+        ((x < t) & (y < a) | ~(y < a) & (x < b), teg.bracket(y < a)),
+        ((x < t) | (y < a), teg.bracket(~(y < a))),
+        (~(x < t) & (y < a) | (y < b) & ~(y < a), -teg.bracket(y < a)),
+    ],
+    ids=["exclusive", "overlapping", "falling"],
+)
+def test_the_jump_of_alternatives_is_one_condition(condition: teg.Cond, expected: teg.Expr) -> None:
+    """As a difference of two conditions it would be 0·NaN where a slope is NaN and both hold."""
+    assert jump(teg.bracket(condition), G) is canonicalise(expected)
+
+
+A_CHOICE = teg.where(x > 0.5, teg.sqrt(x - t), 0.1)
+CHOICES = {
+    "a root": (A_CHOICE, 0.3, -(math.sqrt(0.7) - math.sqrt(0.2))),
+    "a logarithm": (teg.where(x < 0.5, teg.log(0.5 - x + t), 0.25), 0.25, math.log(0.75 * math.e)),
+    "a part of a root": (teg.sqrt(0.04 + teg.maximum(0, t - x)), 0.5, math.sqrt(0.54) - math.sqrt(0.04)),
+    "a power of a part": (teg.maximum(0, t - x) ** 1.5, 0.5, 0.5**1.5),
+}
+"""Heights with a branch that is NaN, or has a slope that is, where it is not taken; and the slope by t of the area below."""
+
+
+@pytest.mark.parametrize("backend", ["numpy", "c"])
+@pytest.mark.parametrize("name", CHOICES)
+def test_what_is_not_taken_does_not_matter_in_a_moving_condition(name: str, backend: str) -> None:
+    height, at, wanted = CHOICES[name]
+    f = teg.compile(teg.integral(teg.bracket(y < height), (y, -1, 1), (x, 0, 1)), [t], backend=backend)
+    assert f.grad(t=at)["t"] == pytest.approx(wanted, rel=1e-9)
