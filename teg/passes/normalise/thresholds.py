@@ -1,0 +1,63 @@
+"""Conditions on an increasing function of variables and a number, by the function's inverse.
+
+    √u < c     ⇔  c > 0 and u < c²          for u >= 0
+    uᵏ < c     ⇔  c > 0 and u < c^(1/k)     for u >= 0, k > 0
+    exp u < c  ⇔  c > 0 and u < log c
+    log u < c  ⇔  u < exp c                 for u >= 0
+
+A distance below a radius is a disk then, and the level of a Gaussian is an ellipse: surfaces with formulas, where √u - c has none.
+`c` has parameters only, so that its own sign is no surface.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple, cast
+
+from teg.analysis.extents import extent
+from teg.ir.expr import MINUS_ONE, ONE, TRUE, Add, Call, Cond, Const, Expr, Mul, const
+from teg.ir.simplify import add, call, div, integer_power, mul, positive, where
+
+
+class Threshold(NamedTuple):
+    """f(u) > c is u > `level` where `counts` holds, and always elsewhere; f(u) < c is u < `level` where it holds, and never elsewhere.
+    `rising` says whether f(u) - c has the sign of the surface."""
+
+    u: Expr
+    level: Expr
+    counts: Cond
+    rising: bool
+
+
+def threshold(g: Expr) -> Threshold | None:
+    """Returns the threshold of a surface, if it is one."""
+    fixed: list[Expr] = []
+    term = g
+    while isinstance(term, Add):
+        varying = [c for c in term.children if c.free]
+        if len(varying) != 1:
+            return None
+        fixed += [c for c in term.children if c is not varying[0]]
+        term = varying[0]
+    factor, *others = term.children if isinstance(term, Mul) else (const(1.0), term)
+    if not fixed or len(others) != 1 or not isinstance(factor, Const) or not isinstance(others[0], Call) or factor.data == 0.0:
+        return None
+    f = others[0]
+    c = div(mul(MINUS_ONE, add(*fixed)), factor)
+    found = _inverse(f, c)
+    return None if found is None else Threshold(f.children[0], *found, factor.data > 0.0)
+
+
+def _inverse(f: Call, c: Expr) -> tuple[Expr, Cond] | None:
+    """Returns the u with f(u) = c, and the condition under which there is one; elsewhere u is some number."""
+    counts = positive(c)
+    if f.name == "exp":
+        return call("log", where(counts, c, ONE)), counts
+    power = f.children[1] if f.name == "pow" else const(0.5)
+    usual = f.name in ("sqrt", "log") or (f.name == "pow" and isinstance(power, Const) and power.data > 0.0)
+    if not usual or extent(f.children[0], {})[0] < 0.0:
+        return None
+    if f.name == "log":
+        return call("exp", c), TRUE
+    if f.name == "sqrt":
+        return integer_power(c, 2), counts
+    return call("pow", where(counts, c, ONE), const(1.0 / cast(Const, power).data)), counts

@@ -1,0 +1,105 @@
+"""Conditions on an increasing function and a number: the surfaces that they become, and values, gradients and Hessians."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+import teg
+from teg.analysis.surfaces import atoms_of
+from teg.ir.expr import TRUE, Call
+from teg.ir.node import postorder
+from teg.ir.simplify import call
+from teg.passes.normalise.canonicalise import Canonical, canonicalise
+from teg.passes.normalise.thresholds import threshold
+
+x, y = teg.vars("x y")
+t, a, b = teg.params("t a b")
+SQUARE = ((x, -1, 1), (y, -1, 1))
+u = x * x + y * y
+PI = math.pi
+
+
+@pytest.mark.parametrize(
+    ("g", "level", "counts", "rising"),
+    [
+        (t - teg.sqrt(u), t**2, t > 0, False),
+        (2 * teg.sqrt(u) - t, (0.5 * t) ** 2, t > 0, True),
+        (t - 3 * teg.exp(x * y), teg.log(t / 3), t > 0, False),
+        (teg.log(u) + t, teg.exp(-t), None, True),
+        (u**1.5 - a - t, (a + t) ** (1 / 1.5), a + t > 0, True),
+        (call("magnitude", x * y - t) ** 0.5 - a, a**2, a > 0, True),
+    ],
+    ids=["root", "scaled", "exponential", "logarithm", "power", "root of a size"],
+)
+def test_levels(g: teg.Expr, level: teg.Expr, counts: teg.Cond | None, rising: bool) -> None:
+    found = threshold(g)
+    assert found is not None
+    assert found.rising == rising
+    if counts is None:
+        assert found.counts is TRUE
+    else:
+        both = Canonical()  # which knows the surfaces of both
+        assert both(teg.bracket(counts)) is both(teg.bracket(found.counts))
+    f, wanted = (teg.compile(e + 0 * (t + a), [t, a]) for e in (found.level, level))
+    assert f(t=0.7, a=0.4) == pytest.approx(wanted(t=0.7, a=0.4), rel=1e-14)
+
+
+@pytest.mark.parametrize(
+    "g",
+    [
+        teg.sqrt(x * y) - t,  # not defined everywhere: such a condition is neither true nor false there
+        teg.log(x) - t,
+        teg.sqrt(u) - x,
+        teg.sqrt(u) * a - t,  # the sign of a decides
+        teg.sin(x) - t,
+        teg.sqrt(u) + teg.exp(x) - t,
+        u**-0.5 - t,
+    ],
+)
+def test_what_is_none(g: teg.Expr) -> None:
+    assert threshold(g) is None
+
+
+CASES: dict[str, tuple[teg.Cond, float, float, float]] = {
+    "a distance": (teg.sqrt(u) < t, PI * 0.36, 2 * PI * 0.6, 2 * PI),
+    "a distance above": (teg.sqrt(u) > t, 4 - PI * 0.36, -2 * PI * 0.6, -2 * PI),
+    "a distance, scaled": (-2 * teg.sqrt(u) > -t, PI * 0.09, PI * 0.3, PI / 2),
+    "not": (~(teg.sqrt(u) >= t), PI * 0.36, 2 * PI * 0.6, 2 * PI),
+    "a negative distance": (teg.sqrt(u) < -t, 0.0, 0.0, 0.0),
+    "above a negative distance": (teg.sqrt(u) > -t, 4.0, 0.0, 0.0),
+    "a level of a Gaussian": (teg.exp(-u) > t, -PI * math.log(0.6), -PI / 0.6, PI / 0.36),
+    "below a level": (teg.exp(-u) < t, 4 + PI * math.log(0.6), PI / 0.6, -PI / 0.36),
+    "a Gaussian above a negative level": (teg.exp(-u) > -t, 4.0, 0.0, 0.0),
+    "a logarithm": (teg.log(u) < -t, PI * math.exp(-0.6), -PI * math.exp(-0.6), PI * math.exp(-0.6)),
+    "a power": (u**1.5 < t, PI * 0.6 ** (2 / 3), PI * 2 / 3 * 0.6 ** (-1 / 3), -PI * 2 / 9 * 0.6 ** (-4 / 3)),
+    "a number": (teg.sqrt(u) * 2 < 1, PI / 4, 0.0, 0.0),
+    "a ring": (teg.abs(teg.sqrt(u) - 0.5) < t / 2, PI * (0.8**2 - 0.2**2), 2 * PI * (0.8 + 0.2) / 2, 2 * PI * (1 - 1) / 4),
+}
+"""Areas in [-1, 1]² with their first and second derivatives by t at 0.6."""
+
+
+@pytest.mark.parametrize("backend", ["numpy", "c"])
+@pytest.mark.parametrize("name", CASES)
+def test_areas(name: str, backend: str) -> None:
+    condition, *wanted = CASES[name]
+    f = teg.compile(teg.integral(teg.bracket(condition), *SQUARE), [t], backend=backend)
+    value, slopes = f.value_and_grad(t=0.6)
+    assert [value, slopes["t"], f.hessian(t=0.6)["t", "t"]] == pytest.approx(wanted, abs=1e-11)
+
+
+def test_a_distance_is_a_conic() -> None:
+    e = canonicalise(teg.integral(teg.bracket(teg.sqrt((x - a) ** 2 + (y - b) ** 2) < t), *SQUARE))
+    assert not any(isinstance(n, Call) and n.name == "sqrt" for atom in atoms_of(e) for n in postorder([atom.g]))
+    f = teg.compile(e, [t, a, b])
+    assert f.grad(t=0.5, a=0.1, b=-0.2) == pytest.approx({"t": PI, "a": 0.0, "b": 0.0}, abs=1e-12)
+
+
+def test_functions_that_move_with_the_level() -> None:
+    """√(x² + a²) < t, y free: 2·√(t² - a²), with all derivatives by both parameters."""
+    f = teg.compile(teg.integral(teg.bracket(teg.sqrt(x * x + a * a) < t), (x, -1, 1), (y, 0, 1)), [t, a])
+    root = math.sqrt(0.64 - 0.09)
+    assert f.grad(t=0.8, a=0.3) == pytest.approx({"t": 1.6 / root, "a": -0.6 / root}, rel=1e-12)
+    h = f.hessian(t=0.8, a=0.3)
+    assert [h["t", "t"], h["t", "a"]] == pytest.approx([-2 * 0.09 / root**3, 2 * 0.8 * 0.3 / root**3], rel=1e-11)
