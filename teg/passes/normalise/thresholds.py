@@ -6,7 +6,7 @@
     log u < c  ⇔  u < exp c                 for u >= 0
 
 A distance below a radius is a disk then, and the level of a Gaussian is an ellipse: surfaces with formulas, where √u - c has none.
-`c` has parameters only, so that its own sign is no surface.
+`c` has parameters only, so that its own sign is no surface; u has no functions of variables but sizes.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from typing import NamedTuple, cast
 
 from teg.analysis.extents import extent
 from teg.ir.expr import MINUS_ONE, ONE, TRUE, Add, Call, Cond, Const, Expr, Mul, const
+from teg.ir.node import postorder
 from teg.ir.simplify import add, call, div, integer_power, mul, positive, where
 
 
@@ -42,6 +43,8 @@ def threshold(g: Expr) -> Threshold | None:
     if not fixed or len(others) != 1 or not isinstance(factor, Const) or not isinstance(others[0], Call) or factor.data == 0.0:
         return None
     f = others[0]
+    if any(isinstance(n, Call) and n.free and n.name != "magnitude" for n in postorder(f.children)):
+        return None  # the inverse is no polynomial either
     c = div(mul(MINUS_ONE, add(*fixed)), factor)
     found = _inverse(f, c)
     return None if found is None else Threshold(f.children[0], *found, factor.data > 0.0)
