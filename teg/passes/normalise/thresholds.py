@@ -14,9 +14,12 @@ from __future__ import annotations
 from typing import NamedTuple, cast
 
 from teg.analysis.extents import extent
-from teg.ir.expr import MINUS_ONE, ONE, TRUE, Add, Call, Cond, Const, Expr, Mul, const
+from teg.ir.expr import MINUS_ONE, TRUE, Add, Call, Cond, Const, Expr, Mul, const
 from teg.ir.node import postorder
-from teg.ir.simplify import add, call, div, integer_power, mul, positive, where
+from teg.ir.simplify import add, call, div, integer_power, mul, positive
+
+_LEAST, _MOST = const(1e-307), const(700.0)
+"""A level of an exponential or a power, and of a logarithm, beyond which levels do not move: their slopes are finite numbers."""
 
 
 class Threshold(NamedTuple):
@@ -43,8 +46,8 @@ def threshold(g: Expr) -> Threshold | None:
     if not fixed or len(others) != 1 or not isinstance(factor, Const) or not isinstance(others[0], Call) or factor.data == 0.0:
         return None
     f = others[0]
-    if any(isinstance(n, Call) and n.free and n.name != "magnitude" for n in postorder(f.children)):
-        return None  # the inverse is no polynomial either
+    if len(f.free) < 2 or any(isinstance(n, Call) and n.free and n.name != "magnitude" for n in postorder(f.children)):
+        return None  # in one variable there is a formula as it is; else the inverse is no polynomial either
     c = div(mul(MINUS_ONE, add(*fixed)), factor)
     found = _inverse(f, c)
     return None if found is None else Threshold(f.children[0], *found, factor.data > 0.0)
@@ -52,15 +55,15 @@ def threshold(g: Expr) -> Threshold | None:
 
 def _inverse(f: Call, c: Expr) -> tuple[Expr, Cond] | None:
     """Returns the u with f(u) = c, and the condition under which there is one; elsewhere u is some number."""
-    counts = positive(c)
+    counts, above = positive(c), call("max", c, _LEAST)
     if f.name == "exp":
-        return call("log", where(counts, c, ONE)), counts
+        return call("log", above), counts
     power = f.children[1] if f.name == "pow" else const(0.5)
     usual = f.name in ("sqrt", "log") or (f.name == "pow" and isinstance(power, Const) and power.data > 0.0)
     if not usual or extent(f.children[0], {})[0] < 0.0:
         return None
     if f.name == "log":
-        return call("exp", c), TRUE
+        return call("exp", call("min", c, _MOST)), TRUE
     if f.name == "sqrt":
         return integer_power(c, 2), counts
-    return call("pow", where(counts, c, ONE), const(1.0 / cast(Const, power).data)), counts
+    return call("pow", above, const(1.0 / cast(Const, power).data)), counts

@@ -54,6 +54,7 @@ def test_levels(g: teg.Expr, level: teg.Expr, counts: teg.Cond | None, rising: b
         teg.sqrt(u) - x,
         teg.sqrt(u) * a - t,  # the sign of a decides
         teg.sin(x) - t,
+        teg.exp(x) - t,  # has a formula as it is
         teg.sqrt(u) + teg.exp(x) - t,
         u**-0.5 - t,
     ],
