@@ -76,8 +76,9 @@ def jax_function(
     are those of `teg.compile`; `maps` are not verified for the values of a call.
 
     `kernel` says what a program runs as. "c": on CPUs one call of the compiled C kernel, inside of the programs of XLA, with its speed and
-    its bits; XLA compiles in milliseconds. "xla": operations of XLA, on every device. "auto": "c" on CPUs where a C compiler is found,
-    "xla" elsewhere. Index arrays that JAX traces, whose range nothing checks before the call, make a program "xla".
+    its bits; XLA compiles in milliseconds. "xla": operations of XLA, on every device. "auto": "c" on CPUs where a C compiler is found
+    whose code this version of JAX can call (a RuntimeWarning where it cannot), "xla" elsewhere. Index arrays that JAX traces, whose range
+    nothing checks before the call, make a program "xla".
 
     `inaccurate` says what a missed tolerance does in a C kernel: "warn" gives an AccuracyWarning in the main thread, "raise" an error of
     JAX, "ignore" nothing. Programs of XLA say nothing: an evaluator's `value_and_error` does.
@@ -335,7 +336,7 @@ def _counting(plan: Plan) -> frozenset[int]:
     """The numbers of the arrays that numbers of terms depend on."""
     if not plan.has_loops:
         return frozenset()
-    from teg.backends.jax.loops import counting_arrays
+    from teg.backends.jax.lengths import counting_arrays
 
     return frozenset(counting_arrays(cast(ArrayProgram, plan.program(VALUE))))
 

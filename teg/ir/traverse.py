@@ -245,6 +245,11 @@ def rename_apart(root: Node) -> Node:
     return new[root]
 
 
+def formed_of(node: Node) -> tuple[Node, ...]:
+    """Returns the operands of a sum, a product or a power, and the branches of a choice; of other nodes none."""
+    return node.children[1:] if isinstance(node, Where) else node.children if isinstance(node, Add | Mul | Pow) else ()
+
+
 def stands_in(root: Node, test: Callable[[Any], bool], known: dict[Node, bool], below: Callable[[Any], Iterable[Node]]) -> bool:
     """Returns whether a node that passes a test stands in an expression: `below` gives the nodes to look at below one. What is found out
     about all of them is kept in `known`."""

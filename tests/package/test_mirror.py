@@ -19,7 +19,7 @@ BY_FEATURE = {
     "isolate": "tests/backends/numpy/test_isolate.py tests/backends/jax/test_isolate.py tests/backends/c/test_isolate.py",
     "locate roots": "tests/backends/numpy/test_locate.py tests/backends/jax/test_locate.py tests/backends/c/test_locate.py",
     "cell_lines measured tiles twins arrangement": "tests/backends/numpy/test_cells.py tests/backends/shared/test_cells.py",
-    "loops ties arrays": "tests/backends/test_arrays.py tests/report/test_array_reports.py",
+    "loops lengths ties arrays": "tests/backends/test_arrays.py tests/report/test_array_reports.py",
     "tabled": "tests/end_to_end/test_alike_terms.py",
     "error_function": "tests/numerics/test_error_function.py",
     "rules": "tests/backends/test_shared.py tests/end_to_end/test_rules.py",

@@ -8,7 +8,6 @@ such products in its tails. Linear for bumps, linear in the nodes of a product f
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import cast
 
 from teg.analysis.calculus import slope
 from teg.analysis.extents import Extent, Extents
@@ -19,7 +18,7 @@ from teg.ir.function import Apply
 from teg.ir.integral import ClosedForm, Integral, PointMasses
 from teg.ir.node import Node, postorder
 from teg.ir.simplify import mul
-from teg.ir.traverse import stands_in
+from teg.ir.traverse import formed_of, stands_in
 
 LARGE = 200.0
 """Exponentials within exp(±LARGE) are no danger."""
@@ -124,7 +123,7 @@ class Vanishing:
 
     def of(self, e: Mul) -> Expr | None:
         """Returns the product of the factors of e that may vanish faster than others grow; None if there are none."""
-        small = [f for f in e.children if stands_in(f, self._decays, self._fallen, _parts)]
+        small = [f for f in e.children if stands_in(f, self._decays, self._fallen, formed_of)]
         others = [f for f in e.children if f not in small or len(small) > 1]
         return mul(*small) if small and any(map(self._has_pole, others)) else None
 
@@ -133,12 +132,7 @@ class Vanishing:
         return isinstance(node, Call) and node.name == "exp" and falls(node.children[0], _is_pole, self._has_pole)
 
     def _has_pole(self, e: Expr) -> bool:
-        return stands_in(e, _is_pole, self._poles, _parts)
-
-
-def _parts(node: Node) -> Sequence[Expr]:
-    inside = node.children[1:] if isinstance(node, Where) else node.children if isinstance(node, Add | Mul | Pow) else ()
-    return cast("Sequence[Expr]", inside)
+        return stands_in(e, _is_pole, self._poles, formed_of)
 
 
 def _is_pole(node: Expr) -> bool:

@@ -20,10 +20,10 @@ import math
 from typing import cast
 
 from teg.analysis.polynomial import Shadow
-from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Call, Compare, Cond, Const, Expr, HalfAngle, Mul, Param, Pow, Where, const, has_cut
+from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Call, Compare, Cond, Const, Expr, HalfAngle, Mul, Param, Pow, const, has_cut
 from teg.ir.node import Node, postorder
 from teg.ir.simplify import add, call, conjunction, disjunction, div, half_angle, mul, negation, positive, sub, where
-from teg.ir.traverse import parameters, rebuild, stands_in
+from teg.ir.traverse import formed_of, parameters, rebuild, stands_in
 from teg.passes.normalise.denominators import cleared, has_variable_denominator, tangents_as_quotients
 from teg.passes.normalise.quotients import with_whole_branches
 
@@ -77,15 +77,10 @@ class _Cuts:
                 return n.name == "tan" and bool(n.free)
             return isinstance(n, Pow) and n.exponent < 0 and bool(n.free) and (in_condition or self._moves(n))
 
-        return stands_in(argument, counts, self._poles[in_condition], _values)
+        return stands_in(argument, counts, self._poles[in_condition], formed_of)
 
     def _moves(self, e: Node) -> bool:
         return stands_in(e, lambda n: isinstance(n, Param), self._moving, lambda n: n.children)
-
-
-def _values(node: Node) -> tuple[Node, ...]:
-    """Returns the operands of a node whose denominators are its own."""
-    return node.children[1:] if isinstance(node, Where) else node.children if isinstance(node, Add | Mul | Pow) else ()
 
 
 def _angle(e: Call, in_condition: bool) -> Expr:

@@ -9,7 +9,7 @@ from teg.ir.expr import Add, Call, Expr, Mul, Pow, Where
 from teg.ir.integral import Delta, delta
 from teg.ir.node import Node, postorder
 from teg.ir.simplify import add, mul
-from teg.ir.traverse import rebuild, rewrite
+from teg.ir.traverse import formed_of, rebuild, rewrite, stands_in
 
 
 def tangents_as_quotients(g: Expr) -> Expr:
@@ -27,18 +27,7 @@ def tangents_as_quotients(g: Expr) -> Expr:
 
 def has_variable_denominator(g: Expr) -> bool:
     """Returns whether g is divided by an expression with variables in it (outside of functions)."""
-    stack: list[Expr] = [g]
-    seen: set[Expr] = set()
-    while stack:
-        e = stack.pop()
-        if e in seen or not e.free:
-            continue
-        seen.add(e)
-        if isinstance(e, Pow) and e.exponent < 0:
-            return True
-        if isinstance(e, Add | Mul | Pow | Where):
-            stack.extend(cast("tuple[Expr, ...]", e.children[1:] if isinstance(e, Where) else e.children))
-    return False
+    return stands_in(g, lambda n: isinstance(n, Pow) and n.exponent < 0 and bool(n.free), {}, formed_of)
 
 
 def cleared(g: Expr) -> tuple[Expr, Expr]:

@@ -98,6 +98,7 @@ def test_a_step_with_a_rate(backend: str) -> None:
     assert gradient == pytest.approx({"t": -end, "a": by_rate}, rel=1e-9)
     assert hessian["t", "t"] == pytest.approx(2 * rate / length**3 * end, rel=1e-9)
     assert [hessian["t", "a"], hessian["a", "t"]] == pytest.approx([end / length**2] * 2, rel=1e-9)
+    assert backend == "jax" or hessian["t", "a"] == hessian["a", "t"]  # in XLA each has a kernel of its own
 
 
 def moment(k: int, rate: float) -> float:
