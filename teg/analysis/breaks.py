@@ -13,7 +13,7 @@ Source: Saye 2022, for quadrature on such pieces.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import cast
 
@@ -21,7 +21,7 @@ from teg.analysis.branches import branches_of, cases_of
 from teg.analysis.isolation import MAX_ROOTS, Isolation, Location, isolate, locate
 from teg.analysis.kinks import EXTREMES, kink_of, without_extremes
 from teg.analysis.polynomial import Degrees, Point, Poly, Ratio, Shadow
-from teg.analysis.projection import Contribution, Projection, Turn, near, within
+from teg.analysis.projection import Contribution, Origin, Projection, Turn, near, within
 from teg.analysis.roots import Roots, far_origin, quadratic_coefficients, quadratic_roots, solve, tidy
 from teg.analysis.surfaces import atoms_of, binders_inside
 from teg.ir.expr import FALSE, TRUE, ZERO, Add, Call, Compare, Cond, Const, Expr, Mul, Or, Param, Pow, Var, Where, const, has_cut
@@ -34,9 +34,10 @@ from teg.numerics.field import divided, residue
 MAX_LOCATED = 12
 MAX_BENDS = 8
 MAX_PLACES = 8
-MAX_ISOLATED = 12
-"""The largest number of functions of one integral whose roots are isolated at run time. With more of them adaptive
-integration costs less."""
+MAX_ISOLATED = 16
+"""The largest number of functions whose roots are isolated if these are all that have no formula: the integrand is smooth between them."""
+SOME_ISOLATED = 12
+"""The number of those that are isolated if there are more: an adaptive rule finds the others, and a search costs as much as a few looks."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +49,8 @@ class Breaks:
     roots are found at run time; `located` are the pairs of them whose common zeros are found at run time, where no better break is
     known. `handled` are the surfaces g whose sign is constant on every piece. `complete` says that the integrand is smooth on every
     piece. `bends` are the points where the integrand turns into another branch, also outside of a piece. `rooted` says that the
-    integrand may behave like a square root at the end of a piece for other reasons.
+    integrand may behave like a square root at the end of a piece for other reasons. `origins` maps functions to the surfaces that meet
+    where they are 0, if the integrand is linear in the integrals that they come from.
     """
 
     functions: tuple[Expr, ...]
@@ -60,6 +62,7 @@ class Breaks:
     rooted: bool
     bends: tuple[Turn, ...] = ()
     matters: Mapping[Expr, Cond] = field(default_factory=dict)
+    origins: Mapping[Expr, Origin] = field(default_factory=dict)
 
 
 class BreakAnalysis:
@@ -104,16 +107,16 @@ class BreakAnalysis:
             formula = self.solve(masses.g, x, node.lo, node.hi)
             complete = formula is not None and formula.certain
             return Breaks(tuple(dict.fromkeys((masses.g, *atoms))), (), (), (), frozenset(), complete, False)
-        projection = Contribution({})
+        projection = Contribution()
         direct = [a.g for a in atoms_of(body, x) if not a.g.free & inner]
         for g in direct:
-            projection.functions[g] = TRUE
+            projection.add(g)
         self._collect(body, x, inner, projection)
         points: dict[Expr, None] = {}
-        isolated: dict[Expr, Isolation | None] = {}
         handled: set[Expr] = set()
         complete = projection.complete
         functions, matters = self._distinct(projection.functions)
+        isolated = self._isolated(dict.fromkeys(functions.values()), node)
         for f, representative in functions.items():
             if self.is_zero(representative):  # a surface that coincides with the surface of these point masses
                 handled.add(f)
@@ -121,24 +124,31 @@ class BreakAnalysis:
             roots = self._roots(representative, x, node.lo, node.hi)
             if roots is not None and roots[1]:
                 handled.add(f)
+            elif representative in isolated:
+                handled.add(f)
+                continue
             else:
-                if roots is None and representative not in isolated and len(isolated) < MAX_ISOLATED:
-                    isolated[representative] = isolate(representative, x, self.max_roots)
-                if isolated.get(representative) is not None:
-                    handled.add(f)
-                    continue
                 complete = False
             for r in roots[0] if roots is not None else ():
                 kept = _kept(r, matters[representative], x)
                 if not _outside(r, node.lo, node.hi) and not (isinstance(kept, Const) and math.isnan(kept.data)):
                     points[kept] = None
         distinct = tuple(dict.fromkeys(functions.values()))
-        at_run_time = tuple(i for i in isolated.values() if i is not None)
         located = [locate(f, g, z, low, high, x) for f, g, z, low, high in list(projection.meetings)[:MAX_LOCATED]]
         together = tuple(m for m in located if m is not None)
         bends = self._bends(projection, node)
-        found = Breaks(distinct, tuple(points), at_run_time, together, frozenset(handled), complete, projection.rooted, bends, matters)
+        origins = self._origins(projection, functions) if _is_linear_in_integrals(body) else {}
+        rest = (frozenset(handled), complete, projection.rooted, bends, matters, origins)
+        found = Breaks(distinct, tuple(points), tuple(isolated.values()), together, *rest)
         return found if complete else self._with_those_of_the_source(found, node, direct)
+
+    def _isolated(self, functions: Iterable[Expr], node: Integral) -> dict[Expr, Isolation]:
+        """Returns the functions whose roots are found at run time."""
+        x = node.var
+        without = [f for f in functions if not self.is_zero(f) and self._roots(f, x, node.lo, node.hi) is None]
+        chosen = without if len(without) <= MAX_ISOLATED else without[:SOME_ISOLATED]
+        isolations = ((f, isolate(f, x, self.max_roots)) for f in chosen)
+        return {f: i for f, i in isolations if i is not None}
 
     def _with_those_of_the_source(self, found: Breaks, node: Integral, direct: Sequence[Expr]) -> Breaks:
         """Returns breaks of which some are not known with those of the integrals whose derivative this is: if all of these are known, only
@@ -203,7 +213,7 @@ class BreakAnalysis:
             if isinstance(node, ClosedForm):
                 stack.extend((c, counts) for c in node.terms)
                 for f in (*node.kinks, *node.births) if counts and not node.free & inner else ():
-                    collected.functions[f] = TRUE
+                    collected.add(f)
                 collected.turns.update((Turn("root", f), None) for f in node.births if counts and not node.free & inner)
                 continue
             if isinstance(node, Compare):  # only the roots of its own atoms matter, not where these atoms are smooth
@@ -211,16 +221,16 @@ class BreakAnalysis:
             else:
                 stack.extend((c, counts) for c in node.children)
             if isinstance(node, Call) and not counts and node.name in _PARTIAL and not node.free & inner and not _is_sum_of_squares(node):
-                collected.functions[node.children[0]] = TRUE  # the border of the set on which the condition is a number
+                collected.add(node.children[0])  # the border of the set on which the condition is a number
             if has_cut(node) and not node.free & inner:  # where it jumps a condition may change its sign without a root
-                collected.functions[cast(Expr, node.children[0])] = TRUE
+                collected.add(cast(Expr, node.children[0]))
             if isinstance(node, Call) and not node.free & inner:
                 if node.name in EXTREMES:
                     if counts:
-                        collected.functions[kink_of(node)] = TRUE
+                        collected.add(kink_of(node))
                 elif node.name in ("sqrt", "root", "pow"):
                     for factor in _factors(node.children[0], x) if counts else ():
-                        collected.functions[factor] = TRUE
+                        collected.add(factor)
                         collected.turns[Turn("end" if node.name == "pow" else "root", factor)] = None
                 elif node.name == "log":
                     for factor in _factors(node.children[0], x) if counts else ():
@@ -230,7 +240,7 @@ class BreakAnalysis:
             elif isinstance(node, Pow) and node.exponent < 0 and counts and not node.free & inner:
                 base = _with_the_same_zeros(node.base)
                 if self.degrees.of(base, x) in (1, 2):
-                    collected.functions[base] = TRUE
+                    collected.add(base)
                     collected.turns[Turn("pole", base)] = None
             elif isinstance(node, Integral):
                 projection = self._projection(node)
@@ -239,7 +249,7 @@ class BreakAnalysis:
                 for f, condition in projection.functions.items():
                     if x in f.free and not f.free & inner:
                         condition = TRUE if condition.free & inner else condition
-                        collected.functions[f] = disjunction(collected.functions.get(f, FALSE), condition)
+                        collected.add(f, condition, projection.origins[f])
                 for turn in projection.turns:
                     if x in turn.function.free and not (turn.function.free | turn.when.free) & inner:
                         collected.turns[turn] = None
@@ -259,6 +269,15 @@ class BreakAnalysis:
             condition = disjunction(matters.get(representative, FALSE), functions[f])
             matters[representative] = TRUE if isinstance(condition, Or) and len(condition.children) > MAX_PLACES else condition
         return distinct, matters
+
+    def _origins(self, projection: Contribution, distinct: Mapping[Expr, Expr]) -> dict[Expr, Origin]:
+        """Returns the origins of the first of proportional functions; none if they differ."""
+        found: dict[Expr, Origin] = {}
+        for f, first in distinct.items():
+            origin = projection.origins[f]
+            if found.setdefault(first, origin) != origin:
+                found[first] = frozenset()
+        return found
 
     def key(self, f: Expr) -> object:
         """Returns a key that is equal for functions that are proportional by a number."""
@@ -412,6 +431,24 @@ def _antiderivative_at(shadow: Shadow, inner: Poly, end: Ratio) -> Ratio | None:
             if total is None:
                 return None
     return total
+
+
+def _is_linear_in_integrals(body: Expr) -> bool:
+    """Returns whether a function is a sum of integrals, each times a function without integrals."""
+    degree: dict[Node, int] = {}
+    for node in postorder([body]):
+        degrees = [degree[c] for c in node.children]
+        if not node.has_integral or isinstance(node, Integral | ClosedForm):
+            degree[node] = int(node.has_integral)
+        elif isinstance(node, Mul):
+            degree[node] = sum(degrees)
+        elif isinstance(node, Add) or (isinstance(node, Where) and not node.condition.has_integral):
+            degree[node] = max(degrees)
+        else:
+            return False
+        if degree[node] > 1:
+            return False
+    return True
 
 
 def _kept(root: Expr, matters: Cond, x: Var) -> Expr:

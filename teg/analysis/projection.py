@@ -59,13 +59,42 @@ Meeting = tuple[Expr, Expr, Var, Expr, Expr]
 """Two functions, the inner variable in which they may have a common root, and its range."""
 
 
+Origin = frozenset[object]
+"""The surfaces that meet where a function is 0; empty for a function that is a surface itself. A surface is named by its key."""
+
+
+@dataclass(frozen=True)
+class _Bound:
+    """A bound of a variable as a surface."""
+
+    var: Var
+    key: object
+
+
+@dataclass(frozen=True)
+class _Fold:
+    """Where a surface turns back, as one more surface."""
+
+    key: object
+
+
 @dataclass
 class Contribution:
-    functions: dict[Expr, Cond]  # the condition, in the outer variable, under which the function's zeros matter
+    """What inner integrals and the integrand contribute to the breaks of an integral."""
+
+    functions: dict[Expr, Cond] = field(default_factory=dict)
+    """The condition, in the outer variable, under which the function's zeros matter."""
+    origins: dict[Expr, Origin] = field(default_factory=dict)
     rooted: bool = False
     complete: bool = True
     meetings: dict[Meeting, None] = field(default_factory=dict)
     turns: dict[Turn, None] = field(default_factory=dict)
+
+    def add(self, f: Expr, matters: Cond = TRUE, origin: Origin = frozenset()) -> None:
+        """Adds a function; one that comes from two origins counts as a surface itself."""
+        self.functions[f] = disjunction(self.functions.get(f, FALSE), matters)
+        if self.origins.setdefault(f, origin) != origin:
+            self.origins[f] = frozenset()
 
 
 class Projection:
@@ -74,7 +103,7 @@ class Projection:
     def __init__(self, analysis: BreakAnalysis, node: Integral) -> None:
         self.analysis, self.node = analysis, node
         self.breaks = analysis.of(node)
-        self.out = Contribution({}, self.breaks.rooted and not self.breaks.complete, self.breaks.complete)
+        self.out = Contribution(rooted=self.breaks.rooted and not self.breaks.complete, complete=self.breaks.complete)
         self.origin, self.centre = local_origin(node.lo, node.hi), far_origin(node.lo, node.hi)
         self.finite = not any(isinstance(b, Const) and math.isinf(b.data) for b in (node.lo, node.hi))
         masses = masses_of(node.body, node.var)
@@ -82,6 +111,8 @@ class Projection:
         self.affine: list[tuple[Expr, Expr, Expr]] = []
         self.quadratic: list[Expr] = []
         self.others: list[Expr] = []
+        self.origins: dict[Expr, Origin] = {}
+        self.known: set[Origin] = set()
 
     def run(self) -> Contribution:
         """Returns the projection."""
@@ -89,21 +120,45 @@ class Projection:
             self.out.rooted, self.out.complete = True, False  # the births of such roots are not known
         self._put(sub(self.node.hi, self.node.lo))
         for function in self.breaks.functions:
-            for f in branches_of(function) or ():
+            branches = branches_of(function) or ()
+            origin = self.breaks.origins.get(function, frozenset()) if len(branches) == 1 else frozenset()
+            for f in branches:
+                self.origins[f] = origin or frozenset((self.analysis.key(f),))
                 self._sort(f)
+        self.known.update(self.origins.values())
         self._turns_at_bounds()
         self._affine_meet()
         self._quadratics_meet()
         self._others_meet()
         return self.out
 
-    def _put(self, f: Expr, matters: Cond = TRUE) -> None:
+    def _put(self, f: Expr, matters: Cond = TRUE, origin: Origin = frozenset()) -> None:
         if isinstance(f, Pow):
             f = f.base
         if len(self.out.functions) >= MAX_FUNCTIONS:
             self.out.complete = False
         elif f.free and not self.analysis.is_zero(f):  # surfaces that coincide meet everywhere
-            self.out.functions[f] = disjunction(self.out.functions.get(f, FALSE), matters)
+            self.out.add(f, matters, origin)
+
+    def _meet(self, f: Expr, g: Expr) -> bool:
+        """Returns whether the places of two functions may be one place. Where f is 0 surfaces meet, and where g is 0 others do: if these
+        are more than the surfaces at one place, the roots of f and g pass each other at different values of variables further in.
+
+        Of the ways in which surfaces meet at a bound those are enough that are on the bound.
+        """
+        if self._apart(f, g):
+            return False
+        a, b, both = self.origins[f], self.origins[g], self._both(f, g)
+        if len(both) > max(len(a), len(b)) + 1:
+            return False
+        bounds = [k for k in both if isinstance(k, _Bound)]
+        if len({k.var for k in bounds}) < len(bounds):
+            return False
+        return not any(sum(both - {k} in self.known for k in both if k != bound) > 1 for bound in bounds if bound not in a & b)
+
+    def _both(self, f: Expr, g: Expr) -> Origin:
+        """Returns the surfaces that meet where two functions are 0 at one place."""
+        return self.origins[f] | self.origins[g]
 
     def _apart(self, *fs: Expr) -> bool:
         """Returns whether none of the functions is the surface of the point masses. Away from that surface nothing is summed."""
@@ -116,7 +171,8 @@ class Projection:
         if not apart:
             for bound in (lo, hi):
                 if not (isinstance(bound, Const) and math.isinf(bound.data)):
-                    self._put(cast(Expr, substitute(f, {z: bound})))
+                    at_bound = self.origins[f] | {_Bound(z, self.analysis.key(sub(z, bound)))}
+                    self._put(cast(Expr, substitute(f, {z: bound})), origin=at_bound)
         if degree != 0 and (apart or not self.finite):
             self._level(f)
         if degree == 1:
@@ -136,7 +192,8 @@ class Projection:
                     self._put(a)
                 border = discriminant(a, b, c)
                 self.analysis.note_derived(border, f)
-                self._put(border, near(add(origin, div(b, mul(const(-2.0), a))), lo, hi))
+                fold = self.origins[f] | {_Fold(self.analysis.key(f))}
+                self._put(border, near(add(origin, div(b, mul(const(-2.0), a))), lo, hi), fold)
                 self.out.turns[Turn("root", border, self.analysis.somewhere(f, z, lo, hi))] = None
         elif degree == 0:
             if apart:
@@ -192,12 +249,19 @@ class Projection:
         for i, (f, rate1, at1) in enumerate(self.affine):
             crossing = sub(self.origin, div(at1, rate1))
             for g, rate2, at2 in self.affine[:i]:
-                if not self._apart(f, g):
-                    self._put(sub(mul(rate2, at1), mul(rate1, at2)), near(crossing, lo, hi))
+                if self._meet(f, g):
+                    self._put(self._pair(rate1, at1, rate2, at2), near(crossing, lo, hi), self._both(f, g))
             for g in self.quadratic:
-                if not self._apart(f, g):
-                    g, *_ = self.analysis.turned(g, f) or (g,)
-                    self._put(cast(Expr, substitute(g, {self.node.var: crossing})), near(crossing, lo, hi))
+                if self._meet(f, g):
+                    h, *_ = self.analysis.turned(g, f) or (g,)
+                    self._put(cast(Expr, substitute(h, {self.node.var: crossing})), near(crossing, lo, hi), self._both(f, g))
+
+    def _pair(self, rate1: Expr, at1: Expr, rate2: Expr, at2: Expr) -> Expr:
+        """Returns a function that is 0 where two lines meet; parallel ones do only where they coincide."""
+        for result in (sub, add):
+            if self.analysis.is_zero(result(rate1, rate2)):
+                return result(at1, at2)
+        return sub(mul(rate2, at1), mul(rate1, at2))
 
     def _quadratics_meet(self) -> None:
         """Adds where roots of quadratic functions meet each other."""
@@ -205,12 +269,12 @@ class Projection:
         for i, f in enumerate(self.quadratic):
             for g in self.quadratic[:i]:
                 matters = conjunction(nearby[f], nearby[g])
-                if self._apart(f, g) or self._met_at_a_turn(f, g, matters):
+                if not self._meet(f, g) or self._met_at_a_turn(f, g, matters):
                     continue
                 first, second = self._coefficients(f, g)
                 resultant = _resultant(first, second)
                 self.analysis.note_derived(resultant, f)
-                self._put(_unless_linear(resultant, first, second), matters)
+                self._put(_unless_linear(resultant, first, second), matters, self._both(f, g))
                 for turning, other in ((first, second), (second, first)):
                     self.analysis.note_turned(resultant, discriminant(*turning), _at_the_turn(turning, other))
 
@@ -226,7 +290,7 @@ class Projection:
         if pair is None or any(self.analysis.degrees.of(h, z) not in (1, 2) for h in pair):
             return False
         first, second = self._coefficients(*pair)
-        self._put(_unless_linear(_resultant(first, second), first, second), matters)
+        self._put(_unless_linear(_resultant(first, second), first, second), matters, self._both(f, g))
         return True
 
     def _others_meet(self) -> None:
@@ -240,8 +304,8 @@ class Projection:
                 continue
             for root in formula.found:
                 for g in (*curved[i + 1 :], *(f for f, *_ in self.affine)):
-                    if not (coincide(f, g) or self._apart(f, g) or self._met_at_a_turn(f, g)):
-                        self._put(cast(Expr, substitute(g, {z: root.point})))
+                    if self._meet(f, g) and not (coincide(f, g) or self._met_at_a_turn(f, g)):
+                        self._put(cast(Expr, substitute(g, {z: root.point})), origin=self._both(f, g))
 
     def _search(self, f: Expr, curved: Sequence[Expr]) -> None:
         """Adds the searches for births of roots of f, which has no formula, and for its crossings with other functions."""
@@ -249,13 +313,13 @@ class Projection:
         if not self._apart(f):
             self.out.complete = False
         turning = () if self._apart(f) else _turning(f, z)
-        for g in (*turning, *(h for h in curved if not (coincide(f, h) or self._apart(f, h) or self._met_at_a_turn(f, h)))):
+        for g in (*turning, *(h for h in curved if self._meet(f, h) and not (coincide(f, h) or self._met_at_a_turn(f, h)))):
             if (f.free | g.free) - {z}:
                 self.out.meetings[f, g, z, lo, hi] = None
                 self.out.complete = False
         for other, rate, at_origin in self.affine:
-            if not (coincide(other, f) or self._apart(other, f)):
-                self._put(cast(Expr, substitute(f, {z: sub(self.origin, at_origin / rate)})))
+            if self._meet(other, f) and not coincide(other, f):
+                self._put(cast(Expr, substitute(f, {z: sub(self.origin, at_origin / rate)})), origin=self._both(other, f))
 
 
 def _may_vanish(rate: Expr) -> bool:

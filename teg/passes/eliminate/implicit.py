@@ -24,7 +24,7 @@ from teg.analysis.roots import solve
 from teg.analysis.surfaces import ordered, restrict, signed_inside
 from teg.analysis.tails import is_unbounded
 from teg.errors import NotDifferentiableError
-from teg.ir.expr import MINUS_ONE, ONE, ZERO, Expr, Var
+from teg.ir.expr import MINUS_ONE, ONE, ZERO, Expr, Var, const
 from teg.ir.integral import Integral, PointMasses, delta, integral_over, masses_of
 from teg.ir.node import Node, postorder
 from teg.ir.simplify import add, call, integer_power, mul, sub, where
@@ -115,21 +115,20 @@ def _at_critical_points(g: Expr, coefficient: Expr, boxes: Chain, mine: Chain, o
 
 
 def _chart_weights(slopes: Sequence[Expr], boxes: Sequence[Binder], power: int, far: bool = False) -> list[Expr]:
-    """Returns φᵢ/|gᵢ| of every chart. With m the largest |gⱼXⱼ|, rⱼ = |gⱼXⱼ|/m and power 4 it is rᵢ³Xᵢ/(m·Σⱼrⱼ⁴), where no power
-    overflows. Bounds over boxes that reach `far` need to be told that rⱼ <= 1 and Σⱼrⱼ⁴ >= 1."""
+    """Returns φᵢ/|gᵢ| of every chart. With m = Σⱼ|gⱼXⱼ|, rⱼ = |gⱼXⱼ|/m and power 4 it is rᵢ³Xᵢ/(m·Σⱼrⱼ⁴), where no power overflows. The
+    sum, unlike the largest of them, has no kinks but theirs. Bounds over boxes that reach `far` need to be told that no rⱼ exceeds 1 and
+    that Σⱼrⱼ⁴ does not vanish, by limits that are never reached."""
     if len(slopes) == 1:
         return [integer_power(call("magnitude", slopes[0]), -1)]
     extents = [sub(b.hi, b.lo) if ordered(b.lo, b.hi) > 0 else call("magnitude", sub(b.hi, b.lo)) for b in boxes]
     sizes = [call("magnitude", mul(s, extent)) for s, extent in zip(slopes, extents, strict=True)]
-    largest = sizes[0]
-    for size in sizes[1:]:
-        largest = call("max", largest, size)
-    scale = integer_power(largest, -1)
+    scale = integer_power(add(*sizes), -1)
     ratios = [mul(size, scale) for size in sizes]
-    ratios = [call("min", r, ONE) for r in ratios] if far else ratios
+    ratios = [call("min", r, const(2.0)) for r in ratios] if far else ratios
     powers = add(*(integer_power(r, power) for r in ratios))
-    total = mul(scale, integer_power(call("max", powers, ONE) if far else powers, -1))
-    tops = [integer_power(r, power - 1) if power > 2 else call("min", r, ONE) for r in ratios]  # else 1/m is squared in the product
+    least = 0.5 * len(slopes) ** (1 - power)
+    total = mul(scale, integer_power(call("max", powers, const(least)) if far else powers, -1))
+    tops = [integer_power(r, power - 1) if power > 2 else call("min", r, const(2.0)) for r in ratios]  # else 1/m is squared in the product
     return [mul(top, extent, total) for top, extent in zip(tops, extents, strict=True)]
 
 
