@@ -11,12 +11,14 @@ import numpy as np
 import pytest
 
 import teg
-from teg.analysis.breaks import BreakAnalysis
+from teg.analysis.breaks import MAX_ISOLATED, SOME_ISOLATED, BreakAnalysis, Breaks
 from teg.ir.integral import Integral
+from teg.ir.node import postorder
 from teg.pipeline import normal_form
 from teg.program import Adaptive, Gauss, Integrate, statements
+from tests.backends.c_checks import in_c
 
-x, y = teg.vars("x y")
+x, y, z = teg.vars("x y z")
 t, a, b, c = teg.params("t a b c")
 
 
@@ -218,3 +220,62 @@ def test_they_are_bends() -> None:
     kinds = [[b.kind for b in s.bends] for p in (value, gradient) for s in statements(p.body) if isinstance(s, Integrate)]
     assert kinds[0] == ["end"]
     assert kinds[1:] == [["end"], [], []]  # along the curve nothing vanishes
+
+
+# -- breaks of outer integrals -------------------------------------------------------------------------------------------------
+
+
+def outermost(e: teg.Expr) -> Breaks:
+    normal = normal_form(e)
+    (node,) = [n for n in postorder([normal]) if isinstance(n, Integral) and not n.free]
+    return BreakAnalysis().of(node)
+
+
+def test_roots_that_pass_each_other_at_different_places_are_no_breaks() -> None:
+    """Three planes in a box: 12 places where two of them meet a side, 12 where one meets an edge, and the corner, in three ways."""
+    planes = [rate * x + y * (k + 1) + z * (2 - k * k) > t + 0.1 * k for k, rate in enumerate((a, b, c))]
+    inside = teg.bracket(planes[0] & planes[1] & planes[2])
+    box = (x, 0, 1), (y, 0, 1), (z, 0, 1)
+    assert len(outermost(teg.integral(inside, *box)).functions) == 12 + 12 + 3
+    squared = teg.integral(teg.integral(inside, box[0]) ** 2, *box[1:])
+    assert len(outermost(squared).functions) > 12 + 12 + 3
+
+
+def pieces(shift: float) -> tuple[float, float]:
+    """Returns ∫∫ (L + R)² dy dz and its derivative by t at t = shift, for L = min(½, y - z + t)⁺ and R = min(½, 1 - y - z)⁺, by an exact
+    rule between all places where their kinks meet each other or the square."""
+    nodes, weights = np.polynomial.legendre.leggauss(4)
+    value = derivative = 0.0
+    outer = np.unique(np.clip([0, shift, 0.5 + shift, (1 + shift) / 2, shift / 2, 0.25 + shift / 2, 0.5, 1, shift - 0.5], 0, 1))
+    for low, high in pairwise(outer):
+        for at, weight in zip(0.5 * (low + high) + 0.5 * (high - low) * nodes, 0.5 * (high - low) * weights, strict=True):
+            inner = np.unique(np.clip([0, at - shift, at - shift + 0.5, 1 - at, 0.5 - at, 1], 0, 1))
+            for left, right in pairwise(inner):
+                places = 0.5 * (left + right) + 0.5 * (right - left) * nodes
+                rising = places - at + shift
+                both = np.clip(rising, 0, 0.5) + np.clip(1 - places - at, 0, 0.5)
+                steps = 0.5 * (right - left) * weights * weight
+                value += float(steps @ both**2)
+                derivative += float(steps @ (2 * both * ((rising > 0) & (rising < 0.5))))
+    return value, derivative
+
+
+@pytest.mark.usefixtures("x64")
+@pytest.mark.parametrize("backend", ["numpy", "jax", pytest.param("c", marks=in_c)])
+def test_kinks_that_pass_each_other_in_a_square_are_breaks(backend: str) -> None:
+    """Two pieces of one inner integral, far from each other in x, whose product has a kink where their ends are at the same y."""
+    left, right = teg.bracket((x < y - z + t) & (x < 0.5)), teg.bracket((x > 0.5) & (x < 1.5 - y - z))
+    f = teg.compile(teg.integral(teg.integral(left + right, (x, 0, 1)) ** 2, (y, 0, 1), (z, 0, 1)), [t], backend=backend)
+    for shift in (-0.2, 0.05, 0.3):
+        value, slope = pieces(shift)
+        found, slopes = f.value_and_grad(t=shift)
+        assert found == pytest.approx(value, rel=1e-12)
+        assert slopes["t"] == pytest.approx(slope, rel=1e-10)
+
+
+def test_all_functions_without_a_formula_are_isolated_or_some() -> None:
+    waves = [teg.bracket(teg.sin(k * x) + x * x * x > t) for k in range(2, 30)]
+    for count, isolated in ((MAX_ISOLATED, MAX_ISOLATED), (MAX_ISOLATED + 4, SOME_ISOLATED)):
+        found = outermost(teg.integral(sum(waves[1:count], start=waves[0]), (x, 0, 1)))
+        assert len(found.isolated) == isolated
+        assert found.complete == (count == isolated)

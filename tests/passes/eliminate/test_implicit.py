@@ -12,7 +12,7 @@ import pytest
 import teg
 from teg.analysis.isolation import MAX_ROOTS, isolate, max_roots
 from teg.analysis.kinks import Extremes, kinks_of
-from teg.ir.expr import Where
+from teg.ir.expr import Call, Where
 from teg.ir.integral import PointMasses
 from teg.ir.node import postorder
 from teg.passes.eliminate.implicit import Implicit, match_implicit
@@ -55,6 +55,14 @@ def test_what_cannot_be_isolated() -> None:
     assert isolate(teg.floor(x) - t, x) is None
     assert isolate(teg.integral(x * z, (z, 0, 1)) - t, x) is None
     assert isolate(t - a, x) is None
+
+
+def test_weights_have_no_kinks_of_their_own() -> None:
+    """A surface that is affine in each of its variables: its slopes change their signs, but no chart breaks where one of them overtakes
+    another."""
+    e = teg.integral(teg.bracket(x * y + y * z + z * x < t), (x, -1, 1), (y, -1, 1), (z, -1, 1))
+    derivative = teg.eliminate(teg.diff(e, t))
+    assert not [n for n in postorder([derivative]) if isinstance(n, Call) and n.name == "max"]
 
 
 # -- one variable ----------------------------------------------------------------------------------------------------------
