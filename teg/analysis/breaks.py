@@ -13,7 +13,7 @@ Source: Saye 2022, for quadrature on such pieces.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import cast
 
@@ -116,12 +116,13 @@ class BreakAnalysis:
         handled: set[Expr] = set()
         complete = projection.complete
         functions, matters = self._distinct(projection.functions)
-        isolated = self._isolated(dict.fromkeys(functions.values()), node)
+        found = {g: self._roots(g, x, node.lo, node.hi) for g in dict.fromkeys(functions.values()) if not self.is_zero(g)}
+        isolated = self._isolated([g for g, roots in found.items() if roots is None], x)
         for f, representative in functions.items():
-            if self.is_zero(representative):  # a surface that coincides with the surface of these point masses
+            if representative not in found:  # a surface that coincides with the surface of these point masses
                 handled.add(f)
                 continue
-            roots = self._roots(representative, x, node.lo, node.hi)
+            roots = found[representative]
             if roots is not None and roots[1]:
                 handled.add(f)
             elif representative in isolated:
@@ -139,14 +140,12 @@ class BreakAnalysis:
         bends = self._bends(projection, node)
         origins = self._origins(projection, functions) if _is_linear_in_integrals(body) else {}
         rest = (frozenset(handled), complete, projection.rooted, bends, matters, origins)
-        found = Breaks(distinct, tuple(points), tuple(isolated.values()), together, *rest)
-        return found if complete else self._with_those_of_the_source(found, node, direct)
+        breaks = Breaks(distinct, tuple(points), tuple(isolated.values()), together, *rest)
+        return breaks if complete else self._with_those_of_the_source(breaks, node, direct)
 
-    def _isolated(self, functions: Iterable[Expr], node: Integral) -> dict[Expr, Isolation]:
-        """Returns the functions whose roots are found at run time."""
-        x = node.var
-        without = [f for f in functions if not self.is_zero(f) and self._roots(f, x, node.lo, node.hi) is None]
-        chosen = without if len(without) <= MAX_ISOLATED else without[:SOME_ISOLATED]
+    def _isolated(self, functions: Sequence[Expr], x: Var) -> dict[Expr, Isolation]:
+        """Returns those of some functions without a formula whose roots are found at run time."""
+        chosen = functions if len(functions) <= MAX_ISOLATED else functions[:SOME_ISOLATED]
         isolations = ((f, isolate(f, x, self.max_roots)) for f in chosen)
         return {f: i for f, i in isolations if i is not None}
 
