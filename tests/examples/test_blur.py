@@ -33,6 +33,14 @@ def test_the_value_through_a_lens() -> None:
     assert float(value) == pytest.approx(expected, abs=1e-4)
 
 
+@pytest.mark.parametrize("demo", ["motion-blur", pytest.param("depth-of-field", marks=pytest.mark.thorough)])
+def test_integrands_of_derivatives_are_smooth_between_their_breaks(demo: str) -> None:
+    """Else an adaptive rule looks for what is not known, and takes several times as long."""
+    boundary = Blur(demo, SIZE, "numpy").evaluator.explain().data["boundary"]
+    assert boundary
+    assert not [row for row in boundary if row["searched"]]
+
+
 @pytest.mark.thorough
 @pytest.mark.parametrize("still", [{}, {"spin": 0.0}, {"across": 0.0, "along": 0.0}, {"spin": 0.0, "across": 0.0, "along": 0.0}])
 def test_a_moving_triangle(moving: Blur, still: dict[str, float]) -> None:
