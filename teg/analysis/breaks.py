@@ -37,7 +37,7 @@ MAX_PLACES = 8
 MAX_ISOLATED = 16
 """The largest number of functions whose roots are isolated if these are all that have no formula: the integrand is smooth between them."""
 SOME_ISOLATED = 12
-"""The number of those that are isolated if there are more: an adaptive rule finds the others, and a search costs as much as a few looks."""
+"""How many are isolated if there are more of them: the integral is adaptive then in any case, and each search takes time."""
 
 
 @dataclass(frozen=True)
@@ -137,10 +137,19 @@ class BreakAnalysis:
         distinct = tuple(dict.fromkeys(functions.values()))
         located = [locate(f, g, z, low, high, x) for f, g, z, low, high in list(projection.meetings)[:MAX_LOCATED]]
         together = tuple(m for m in located if m is not None)
-        bends = self._bends(projection, node)
-        origins = self._origins(projection, functions) if _is_linear_in_integrals(body) else {}
-        rest = (frozenset(handled), complete, projection.rooted, bends, matters, origins)
-        breaks = Breaks(distinct, tuple(points), tuple(isolated.values()), together, *rest)
+        bends = self._bends(projection, node)  # which may find that the projection is rooted
+        breaks = Breaks(
+            distinct,
+            tuple(points),
+            tuple(isolated.values()),
+            together,
+            frozenset(handled),
+            complete,
+            projection.rooted,
+            bends,
+            matters,
+            _origins(projection, functions) if _is_linear_in_integrals(body) else {},
+        )
         return breaks if complete else self._with_those_of_the_source(breaks, node, direct)
 
     def _isolated(self, functions: Sequence[Expr], x: Var) -> dict[Expr, Isolation]:
@@ -268,15 +277,6 @@ class BreakAnalysis:
             condition = disjunction(matters.get(representative, FALSE), functions[f])
             matters[representative] = TRUE if isinstance(condition, Or) and len(condition.children) > MAX_PLACES else condition
         return distinct, matters
-
-    def _origins(self, projection: Contribution, distinct: Mapping[Expr, Expr]) -> dict[Expr, Origin]:
-        """Returns the origins of the first of proportional functions; none if they differ."""
-        found: dict[Expr, Origin] = {}
-        for f, first in distinct.items():
-            origin = projection.origins[f]
-            if found.setdefault(first, origin) != origin:
-                found[first] = frozenset()
-        return found
 
     def key(self, f: Expr) -> object:
         """Returns a key that is equal for functions that are proportional by a number."""
@@ -430,6 +430,16 @@ def _antiderivative_at(shadow: Shadow, inner: Poly, end: Ratio) -> Ratio | None:
             if total is None:
                 return None
     return total
+
+
+def _origins(projection: Contribution, distinct: Mapping[Expr, Expr]) -> dict[Expr, Origin]:
+    """Returns the origin of the first of proportional functions; an empty one if their origins differ."""
+    found: dict[Expr, Origin] = {}
+    for f, first in distinct.items():
+        origin = projection.origins[f]
+        if found.setdefault(first, origin) != origin:
+            found[first] = frozenset()
+    return found
 
 
 def _is_linear_in_integrals(body: Expr) -> bool:

@@ -85,6 +85,7 @@ class Contribution:
     functions: dict[Expr, Cond] = field(default_factory=dict)
     """The condition, in the outer variable, under which the function's zeros matter."""
     origins: dict[Expr, Origin] = field(default_factory=dict)
+    """The origin of each function."""
     rooted: bool = False
     complete: bool = True
     meetings: dict[Meeting, None] = field(default_factory=dict)
@@ -141,10 +142,11 @@ class Projection:
             self.out.add(f, matters, origin)
 
     def _meet(self, f: Expr, g: Expr) -> bool:
-        """Returns whether the places of two functions may be one place. Where f is 0 surfaces meet, and where g is 0 others do: if these
-        are more than the surfaces at one place, the roots of f and g pass each other at different values of variables further in.
+        """Returns whether the surfaces that meet where f is 0 and those that meet where g is 0 may all meet at one place.
 
-        Of the ways in which surfaces meet at a bound those are enough that are on the bound.
+        Together they name one surface more than each function then. If they name more, f and g may have a common root, but at two places
+        that differ in variables further in. Two bounds of one variable never meet. If one of the surfaces is a bound, pairs of functions
+        on that bound find the place, and others need not.
         """
         if self._apart(f, g):
             return False
@@ -250,14 +252,14 @@ class Projection:
             crossing = sub(self.origin, div(at1, rate1))
             for g, rate2, at2 in self.affine[:i]:
                 if self._meet(f, g):
-                    self._put(self._pair(rate1, at1, rate2, at2), near(crossing, lo, hi), self._both(f, g))
+                    self._put(self._crossing(rate1, at1, rate2, at2), near(crossing, lo, hi), self._both(f, g))
             for g in self.quadratic:
                 if self._meet(f, g):
                     h, *_ = self.analysis.turned(g, f) or (g,)
                     self._put(cast(Expr, substitute(h, {self.node.var: crossing})), near(crossing, lo, hi), self._both(f, g))
 
-    def _pair(self, rate1: Expr, at1: Expr, rate2: Expr, at2: Expr) -> Expr:
-        """Returns a function that is 0 where two lines meet; parallel ones do only where they coincide."""
+    def _crossing(self, rate1: Expr, at1: Expr, rate2: Expr, at2: Expr) -> Expr:
+        """Returns a function that is 0 where the roots of two affine functions meet: with equal or opposite slopes, where both are one."""
         for result in (sub, add):
             if self.analysis.is_zero(result(rate1, rate2)):
                 return result(at1, at2)

@@ -116,8 +116,8 @@ def _at_critical_points(g: Expr, coefficient: Expr, boxes: Chain, mine: Chain, o
 
 def _chart_weights(slopes: Sequence[Expr], boxes: Sequence[Binder], power: int, far: bool = False) -> list[Expr]:
     """Returns φᵢ/|gᵢ| of every chart. With m = Σⱼ|gⱼXⱼ|, rⱼ = |gⱼXⱼ|/m and power 4 it is rᵢ³Xᵢ/(m·Σⱼrⱼ⁴), where no power overflows. The
-    sum, unlike the largest of them, has no kinks but theirs. Bounds over boxes that reach `far` need to be told that no rⱼ exceeds 1 and
-    that Σⱼrⱼ⁴ does not vanish, by limits that are never reached."""
+    sum, unlike the largest of them, has no kinks but theirs. Enclosures over boxes that reach `far` do not know that rⱼ and 1/Σⱼrⱼ⁴ are
+    bounded: they are cut off there at limits that they never reach."""
     if len(slopes) == 1:
         return [integer_power(call("magnitude", slopes[0]), -1)]
     extents = [sub(b.hi, b.lo) if ordered(b.lo, b.hi) > 0 else call("magnitude", sub(b.hi, b.lo)) for b in boxes]
