@@ -58,7 +58,8 @@ from teg.passes.normalise.inline import write_out
 from teg.passes.normalise.order import with_few_roots
 from teg.passes.normalise.origins import with_differences
 from teg.passes.normalise.piecewise import with_smooth_atoms
-from teg.passes.normalise.squares import with_squares_apart
+from teg.passes.normalise.regions import with_regions
+from teg.passes.normalise.squares import with_sizes_in_conditions, with_squares_apart
 from teg.passes.normalise.steps import enumerate_steps
 from teg.passes.normalise.too_many_steps import check_steps, without_uncounted
 from teg.passes.program.errors import with_error_estimates
@@ -78,8 +79,9 @@ ALIASES = {"sift": "exact"}
 """Other names of estimators."""
 
 
-def to_atoms(keep_moving: bool, maps: Maps, canonical: Canonical) -> list[tuple[str, Pass]]:
-    """Returns the passes to canonical atoms and split integrals. With `keep_moving`, surfaces that are carried along get a δ."""
+def to_atoms(keep_moving: bool, maps: Maps, canonical: Canonical, whole: bool = False) -> list[tuple[str, Pass]]:
+    """Returns the passes to canonical atoms and split integrals. With `keep_moving`, surfaces that are carried along get a δ; with `whole`,
+    integrals are not divided where nothing jumps."""
     return [
         ("inline", write_out),  # passes must see the jumps inside of functions
         ("cuts", with_cuts),  # the jumps of functions, too
@@ -88,6 +90,8 @@ def to_atoms(keep_moving: bool, maps: Maps, canonical: Canonical) -> list[tuple[
         *([("carried", with_deltas)] if keep_moving else []),
         ("steps", enumerate_steps),  # the steps of floor are brackets, hence atoms
         ("cuts of steps", with_cuts),  # steps of angles are conditions now
+        ("sizes", with_sizes_in_conditions),  # before what has kinks is looked for
+        *([] if maps or whole else [("regions", with_regions)]),  # while a kink is one condition
         ("extremes", with_smooth_atoms),  # while what decides an extreme is one condition
         ("squares", with_squares_apart),  # once functions that jump are written out
         ("canonicalise", canonical),  # a surface must be one expression before its jump can be taken
@@ -144,15 +148,26 @@ def is_dumped(name: str) -> bool:
 
 
 def normal_form(
-    e: Expr, keep_moving: bool = False, maps: Maps = (), canonical: Canonical | None = None, remarks: Remarks | None = None
+    e: Expr,
+    keep_moving: bool = False,
+    maps: Maps = (),
+    canonical: Canonical | None = None,
+    remarks: Remarks | None = None,
+    whole: bool = False,
 ) -> Expr:
     """Returns e with canonical atoms, split integrals, and no δ.
 
-    With `keep_moving`, those deltas stay that are carried along when e is differentiated again. Decisions are added to `remarks`.
+    With `keep_moving`, those deltas stay that are carried along when e is differentiated again. Decisions are added to `remarks`. With
+    `whole`, integrals are not divided where nothing jumps, for estimators that treat every condition as an edge.
     """
     canonical = canonical or Canonical()
-    e = run_passes(to_atoms(keep_moving, maps, canonical), e)
-    return run_passes(eliminations(keep_moving, maps, canonical, remarks), e) if e.has_delta else e
+    e = run_passes(to_atoms(keep_moving, maps, canonical, whole), e)
+    if not e.has_delta:
+        return e
+    e = run_passes(eliminations(keep_moving, maps, canonical, remarks), e)
+    names = {p.name for p in parameters(e)}
+    clashing = {n.var for n in postorder([e]) if isinstance(n, Integral) and n.var.name in names}  # "s" is the variable of a chart
+    return cast(Expr, rename_apart(e, clashing)) if clashing else e
 
 
 def diff(e: object, by: Param | Var, maps: Maps = ()) -> Expr:
@@ -260,7 +275,7 @@ def _estimated_outputs(e: Expr, wrt: Sequence[Param], orders: int, estimator: Es
             f"discontinuities={name!r} uses no maps", None, "teg.change_variables(e, m) changes the variables of a program"
         )
     canonical = Canonical()
-    value = normal_form(write_out(e), canonical=canonical)
+    value = normal_form(write_out(e), canonical=canonical, whole=True)
     gradient = run_pass(name, partial(estimator.gradient, wrt=wrt), _with_moving_steps(value, wrt))
     return [*_together([value], canonical), gradient]  # not canonical: integrals would be split into terms, and their errors added
 

@@ -13,11 +13,11 @@ from typing import cast
 
 from teg.analysis.calculus import slope
 from teg.analysis.nest import Binder
-from teg.analysis.polynomial import Shadow
+from teg.analysis.polynomial import Shadow, is_null
 from teg.analysis.tails import infinite_ends
 from teg.ir.expr import MINUS_ONE, ONE, TRUE, ZERO, Cond, Expr, Var, const
 from teg.ir.show import show
-from teg.ir.simplify import add, call, conjunction, disjunction, integer_power, mul, positive, sub, where
+from teg.ir.simplify import add, call, conjunction, integer_power, mul, positive, sub, where
 from teg.ir.traverse import substitute
 
 ROUNDING = 8 * 2.0**-52
@@ -51,14 +51,15 @@ def critical_point(g: Expr, boxes: Sequence[Binder]) -> Critical | None:
     hessian = [[_at(slope(s, v), middle) for v in variables] for s in gradient]
     down = [mul(MINUS_ONE, _at(s, middle)) for s in gradient]
     whole = _determinant(hessian)
-    if whole is ZERO:
+    if is_null(whole):  # parallel lines or planes
         return None
     point: dict[Var, Expr] = {}
     for i, v in enumerate(variables):
         replaced = [[down[r] if c == i else entry for c, entry in enumerate(row)] for r, row in enumerate(hessian)]
         point[v] = add(middle[v], mul(_determinant(replaced), integer_power(whole, -1)))
+    rows = mul(*(add(*(call("magnitude", entry) for entry in row)) for row in hessian))
     inside = conjunction(
-        disjunction(positive(whole), positive(mul(MINUS_ONE, whole))),
+        positive(sub(call("magnitude", whole), mul(const(ROUNDING), rows))),  # else the point is noise
         *(_between(point[b.var], b) for b in boxes),
     )
     return Critical(point, _at(g, point), whole, inside, _size(g, around, middle))

@@ -285,3 +285,8 @@ class Point:
         """Returns the value; None where it is not defined or the expression is not algebraic."""
         ratio = self._shadow.of(e)
         return None if ratio is None else ratio[0].get((), 0)
+
+
+def is_null(e: Expr) -> bool:
+    """Returns whether an expression is 0 whatever its variables and parameters are, however it is written."""
+    return Point().value(e) == 0

@@ -72,9 +72,8 @@ def add(*terms: Expr) -> Expr:
                 branches.setdefault(term.condition, []).append(term)
     for condition, same in branches.items():
         if len(same) > 1:
-            for term in same:
-                parts.pop(term, None)
-            merged = where(condition, add(*(w.then for w in same)), add(*(w.otherwise for w in same)))
+            times = [(const(c), w) for w in dict.fromkeys(same) if (c := parts.pop(w)) != 0.0]  # a multiple may stand in the sum too
+            merged = where(condition, add(*(mul(c, w.then) for c, w in times)), add(*(mul(c, w.otherwise) for c, w in times)))
             if merged is not ZERO:
                 parts[merged] = parts.get(merged, 0.0) + 1.0
     kept = [mul(const(c), product) if c != 1.0 else product for product, c in parts.items() if c != 0.0]

@@ -217,12 +217,13 @@ def _substitute_freely(root: Node, mapping: Mapping[Var, Expr], on_compare: Comp
     return new.get(root, root)
 
 
-def rename_apart(root: Node) -> Node:
+def rename_apart(root: Node, taken: Iterable[Var] = ()) -> Node:
     """Returns the expression with a distinct variable for every integral.
 
-    An integral is renamed if it stands inside another one of the same variable, or if its variable is free in the whole.
+    An integral is renamed if it stands inside another one of the same variable, or if its variable is free in the whole or `taken`.
     """
-    if not root.free and not any(isinstance(n, Integral) and n.body.has_integral for n in postorder([root])):
+    outside = root.free.union(taken)
+    if not outside and not any(isinstance(n, Integral) and n.body.has_integral for n in postorder([root])):
         return root
     binders: dict[Node, frozenset[Var]] = {}  # the variables bound inside a node
     new: dict[Node, Node] = {}
@@ -232,8 +233,8 @@ def rename_apart(root: Node) -> Node:
         result: Node
         if isinstance(node, Integral):
             body, var = cast(Expr, children[0]), node.var
-            if var in binders[body] or var in root.free:
-                other = fresh(var.name, binders[body] | body.free | root.free)
+            if var in binders[body] or var in outside:
+                other = fresh(var.name, binders[body] | body.free | outside)
                 body = cast(Expr, substitute(body, {var: other}))
                 var = other
             result = integral_over(body, var, cast(Expr, children[1]), cast(Expr, children[2]))

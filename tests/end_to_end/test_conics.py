@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import cache
-from itertools import pairwise
+from itertools import combinations_with_replacement, pairwise
 from typing import Any
 
 import pytest
@@ -234,3 +234,40 @@ def test_second_derivatives(name: str) -> None:
             quotient = float((45 * (at[1][j] - at[-1][j]) - 9 * (at[2][j] - at[-2][j]) + (at[3][j] - at[-3][j])) / (60 * h))
             assert hessian[of, by] == pytest.approx(quotient, rel=1e-8, abs=1e-9)
             assert hessian[of, by] == pytest.approx(hessian[by, of], rel=1e-9, abs=1e-10)
+
+
+# -- lines that are written as squares -------------------------------------------------------------------------------------
+
+a, b, t, e = teg.params("a b t e")
+BACKENDS = ["c", "numpy", pytest.param("jax", marks=pytest.mark.slow)]
+
+
+@pytest.mark.usefixtures("x64_for_jax")
+@pytest.mark.parametrize("intrinsics", [True, False])
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_strip_by_the_distance_from_its_foot(backend: str, intrinsics: bool) -> None:
+    """Two squares of affine functions that are parallel whatever a and b are: no ellipse, and no critical point."""
+    u, v = x + 0.2, y + 0.4
+    along = (u * a + v * b) / (a * a + b * b)
+    strip = (along > 0) & (along < 1) & ((u - along * a) ** 2 + (v - along * b) ** 2 < t * t)
+    f = teg.compile(teg.integral(teg.bracket(strip), *SQUARE), [t, a, b], backend=backend, intrinsics=intrinsics)
+    value, gradient = f.value_and_grad(t=0.3, a=0.15, b=0.62)
+    length = math.hypot(0.15, 0.62)
+    assert value == pytest.approx(0.6 * length, rel=1e-12)
+    assert gradient == pytest.approx({"t": 2 * length, "a": 0.6 * 0.15 / length, "b": 0.6 * 0.62 / length}, rel=1e-11)
+
+
+@pytest.mark.usefixtures("x64_for_jax")
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_squares_that_are_nearly_parallel(backend: str) -> None:
+    """An ellipse so long that its place has few digits: the estimate knows it."""
+    p, q = x + 0.7 * y, x + (0.7 + e) * y - 0.3 * e
+    f = teg.compile(teg.integral(teg.bracket(p**2 + q**2 < t**2) * (1 + 0.5 * x), *SQUARE), [t, e], backend=backend)
+    for near in (1e-5, 1e-7, 1e-9, 1e-11, 1e-14):
+        with mp.workdps(DIGITS):
+            rows = [[mpf(c) for c in row] for row in ((1.0, 0.7, 0.0), (1.0, 0.7 + near, -0.3 * near))]
+            xx, xy, x1, yy, y1, one = (sum(r[i] * r[j] for r in rows) for i, j in combinations_with_replacement(range(3), 2))
+            exact, _ = slices((xx, 2 * xy, yy, 2 * x1, 2 * y1, one - mpf(0.4) ** 2))
+        value, error = f.value_and_error(t=0.4, e=near)
+        assert value == pytest.approx(float(exact), abs=10 * error + 1e-12)
+        assert error < 1e-12 / near + 1e-10

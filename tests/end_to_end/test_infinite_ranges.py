@@ -98,3 +98,27 @@ def test_the_bound_of_a_long_value_is_soon_given_up(length: int, monkeypatch: py
         value = teg.sqrt(value * (x * x + n) + teg.abs(value) / (n + x))
     endless.bound_to_infinity(1 / value, const(0.0), x, {x: teg.vars("left right")})
     assert 0 < len(taken) <= endless.MOST_SLOPES
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("slope", [0.5, 1.0, 2.0])
+def test_an_edge_that_leaves_the_range(slope: float, backend: str) -> None:
+    """Beyond the inner range exp(-x - y) is exp((k - 1)·y - t) on the line x = t - k·y: it grows without bounds, and does not count."""
+    density = teg.exp(-x - y) * teg.bracket(x + k * y < t)
+    f = teg.compile(teg.integral(density, (x, 0, math.inf), (y, 0, math.inf)), [t, k], backend=backend)
+    end = 2.0 / slope
+    along = end if slope == 1.0 else math.expm1((slope - 1.0) * end) / (slope - 1.0)
+    inside = -math.expm1(-end) - math.exp(-2.0) * along
+    value, error = f.value_and_error(t=2.0, k=slope)
+    assert value == pytest.approx(inside, abs=1e-11)
+    assert error < 1e-10
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_break_far_outside_of_the_inner_range(backend: str) -> None:
+    """The integrand at such a break says nothing about the inner integral: the estimate is not one of what is there."""
+    holds = (x - teg.sin(2 * y) - k < 0) & (t < x * y)
+    f = teg.compile(teg.integral(teg.exp(-teg.bracket(holds) * teg.exp(2 * x * y * k)), (x, -1, 1), (y, -1, 1)), [t, k], backend=backend)
+    value, error = f.value_and_error(t=0.234, k=1.108)
+    assert value == pytest.approx(3.217780547253435, rel=1e-11)
+    assert error < 1e-10

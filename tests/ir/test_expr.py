@@ -446,3 +446,14 @@ def test_what_is_no_expression_is_named(wrong: Callable[[], object]) -> None:
     with pytest.raises(teg.errors.OperandError) as caught:
         wrong()
     assert caught.value.hint
+
+
+def test_multiples_of_a_branch_beside_another_one() -> None:
+    """Branches on one condition are collected with what they are multiplied with."""
+    one, other = teg.where(t < 2, 1, t), teg.where(t < 2, 0, a)
+    assert add(other, one, -one) is other
+    assert add(one, other, -0.5 * one) is teg.where(t < 2, 0.5, 0.5 * t + a)
+    assert add(one, -1 * one, other, other) is teg.where(t < 2, 0, 2 * a)
+    for terms in ((one, other, -3 * one), (other, -2 * other, one, one), (2 * one, one, -other, other)):
+        for at in ({"t": 1.0, "a": 0.7}, {"t": 3.0, "a": 0.7}):
+            assert teg.evaluate(add(*terms), at) == pytest.approx(sum(float(teg.evaluate(term, at)) for term in terms), rel=1e-15)

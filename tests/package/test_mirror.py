@@ -35,6 +35,7 @@ ELSEWHERE = {
         "endless": "tests/end_to_end/test_infinite_ranges.py",
         "guards": "tests/passes/lower/test_integrals.py",
         "isolation": "tests/passes/lower/test_roots.py",
+        "proportional": "tests/passes/normalise/test_canonicalise.py",
         "remarks": "tests/passes/test_remarks.py",
         "settings": "tests/evaluator/test_compile.py",
         "sharp": "tests/passes/lower/test_guarded.py",

@@ -26,7 +26,7 @@ from teg.analysis.tails import is_unbounded
 from teg.ir.expr import ZERO, Compare, Const, Expr, Pow, Var, Where, const
 from teg.ir.integral import Integral, outermost_integrals
 from teg.ir.node import Node, postorder
-from teg.ir.simplify import mul, positive, sub, where
+from teg.ir.simplify import call, mul, positive, sub, where
 from teg.ir.traverse import fresh, rewrite, substitute
 from teg.numerics.quadrature import gauss_legendre
 from teg.passes.lower.emit import Emitter
@@ -177,12 +177,26 @@ class Guards:
         (inner,) = peak.path
         known = self.analysis.of(inner)
         breaks = [] if _has_pole_on(peak.node, inner.var, known.handled) else [b.then if isinstance(b, Where) else b for b in known.points]
-        for end in [inner.lo, inner.hi, *breaks][:MAX_FACES]:
-            if not (isinstance(end, Const) and math.isinf(end.data)):
+        for end in [inner.lo, inner.hi, *(_within(b, inner) for b in breaks)][:MAX_FACES]:
+            if not _is_infinite(end):
                 node = cast(Expr, substitute(peak.node, {inner.var: end}))
                 sharp = sharp_value(node, x, self.degrees, 2) if x in node.free else None
                 if sharp is not None and not sharp.wave:
                     yield sharp
+
+
+def _within(point: Expr, inner: Integral) -> Expr:
+    """Returns the place in the range of an integral that is nearest to a point: beyond the ends an integrand may grow without bounds."""
+    low, high = inner.lo, inner.hi
+    if _is_infinite(high):
+        return point if _is_infinite(low) else call("max", point, low)
+    if _is_infinite(low):
+        return call("min", point, high)
+    return call("min", call("max", point, call("min", low, high)), call("max", low, high))  # a range may be turned around
+
+
+def _is_infinite(e: Expr) -> bool:
+    return isinstance(e, Const) and math.isinf(e.data)
 
 
 class _OnPiece:

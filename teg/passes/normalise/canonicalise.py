@@ -27,7 +27,8 @@ from teg.analysis.coincidence import without_denominators
 from teg.analysis.expanded import shorter_form
 from teg.analysis.jumps import assign
 from teg.analysis.kinks import Extremes, Kinks, kinks_of, value_nodes
-from teg.analysis.polynomial import Point, Shadow
+from teg.analysis.polynomial import Shadow
+from teg.analysis.proportional import Proportional
 from teg.analysis.surfaces import atoms_of, binders_inside
 from teg.ir import expr as ex
 from teg.ir import simplify
@@ -58,8 +59,8 @@ class Canonical:
     """Makes programs canonical. Holds the surfaces met so far, up to a factor, and the nodes that are canonical already."""
 
     def __init__(self) -> None:
-        self._points = (Point("first"), Point("second"))
-        self._known: dict[int, Expr] = {}
+        self._surfaces = Proportional()
+        self._points = self._surfaces.points
         self._scaled: dict[int, Expr] = {}
         self._new: dict[Node, Node] = {}
         self._extremes = Extremes()
@@ -154,7 +155,7 @@ class Canonical:
 
         So 1 - x/a is the surface a - x and the sign of a. Not the other way round: a - x has a sign where a is 0.
         """
-        surface, same = self._representative(g)
+        surface, same = self._surfaces.representative(g)
         if surface is not g or not isinstance(g, Add) or not g.free:
             return [(surface, same)], []
         *terms, below = without_denominators(*g.children)
@@ -171,20 +172,7 @@ class Canonical:
         if sign is None or not known.free <= g.free:
             return [(surface, same)], []
         sign_below, factors = signed_factors(below)
-        return [(known, sign * sign_below > 0)], [self._representative(f) for f in factors]
-
-    def _representative(self, g: Expr) -> tuple[Expr, bool]:
-        """Returns the expression that stands for the surface, and whether it has the sign of g."""
-        first, second = (p.value(g) for p in self._points)
-        if first and second:
-            key = divided(second, first)
-            representative = self._known.setdefault(key, g)
-            if representative is not g and representative.free <= g.free:
-                other = self._points[0].value(representative)
-                sign = sign_of_residue(divided(first, other)) if other else None
-                if sign is not None:
-                    return representative, sign > 0
-        return g, True
+        return [(known, sign * sign_below > 0)], [self._surfaces.representative(f) for f in factors]
 
     # -- integrals -----------------------------------------------------------------------------------------------------
 

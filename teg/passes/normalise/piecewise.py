@@ -69,7 +69,7 @@ def with_smooth_atoms(root: Expr) -> Expr:
     chosen: dict[Node, Cond] = {}
     for atom in order if own else ():
         if isinstance(atom, Compare) and atom.free and atom.resolution is None and atom not in own and kinks_of(atom.g):
-            parts = _alternatives(atom.g, kinks) if _is_a_number(atom.g, bounds) else None
+            parts = alternatives(atom.g, kinks) if _is_a_number(atom.g, bounds) else None
             if isinstance(parts, list) and sum(map(len, parts)) <= FEW_ATOMS:
                 chosen[atom] = disjunction(*(conjunction(*(positive(_cancelled(f), atom.strict) for f in part)) for part in parts))
     return cast(Expr, rewrite([root], lambda old, new: chosen.get(old, new))[root]) if chosen else root
@@ -119,7 +119,7 @@ def _written_out(atom: Compare, kinks: Kinks) -> Cond:
     count = 0
     while waiting:
         sides, g = waiting.pop()
-        result = _alternatives(g, kinks)
+        result = alternatives(g, kinks)
         if isinstance(result, Where):
             then, otherwise = (cast(Expr, replace_node(g, result, side)) for side in (result.then, result.otherwise))
             waiting += [((*sides, negation(result.condition)), otherwise), ((*sides, result.condition), then)]
@@ -138,7 +138,7 @@ def _cancelled(f: Expr) -> Expr:
     return short if short is not None and len(short.free) < len(f.free) else f
 
 
-def _alternatives(g: Expr, kinks: Kinks) -> Alternatives | Where | None:
+def alternatives(g: Expr, kinks: Kinks) -> Alternatives | Where | None:
     """Returns g as a maximum of minima, or a branch that must be decided first; None if there are too many."""
     lattice: dict[Expr, Alternatives] = {}  # of nodes with branches below them
     for node in value_nodes(g):

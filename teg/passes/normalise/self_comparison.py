@@ -19,7 +19,7 @@ from collections.abc import Iterator, Mapping
 from itertools import combinations
 from typing import cast
 
-from teg.analysis.polynomial import Point
+from teg.analysis.polynomial import is_null
 from teg.ir.arrays import Gather, Sum
 from teg.ir.cells import Symbols, cell_leaves, indices_apart, replace_integers
 from teg.ir.expr import Compare, Cond, Expr
@@ -55,7 +55,7 @@ def _apart(atom: Compare, ranges: Ranges) -> Cond:
     for a, b in _candidates(atom.g, ranges):
         there = replace_integers(atom.g, {a: b})
         (cell,) = Symbols().into([there])
-        if Point().value(cell) == 0:
+        if is_null(cell):
             different.append(_different(atom.g, a, b))
     together = conjunction(*different)
     return conjunction(atom, together) if atom.strict else disjunction(atom, negation(together))

@@ -13,7 +13,7 @@ from __future__ import annotations
 from typing import cast
 
 from teg.analysis.singularities import is_singular
-from teg.ir.expr import MINUS_ONE, Add, Call, Cond, Expr, Mul, Pow, Where
+from teg.ir.expr import MINUS_ONE, Add, Call, Compare, Cond, Expr, Mul, Pow, Where
 from teg.ir.node import Node, postorder
 from teg.ir.simplify import call, integer_power, mul, positive, where
 from teg.ir.traverse import rewrite
@@ -38,6 +38,30 @@ def _visited(_: Node, new: Node) -> Node:
     if branches is None or not any(_has_square(leaf) and not _has_square(argument) for leaf in _leaves(branches)):
         return new
     return _root_of(new, branches)
+
+
+def with_sizes(root: Node) -> Node:
+    """Returns an expression with roots of even powers as sizes: √(u²) is |u|."""
+    if not any(map(_is_size, postorder([root]))):
+        return root
+    return rewrite([root], lambda _, new: _size(cast(Call, new)) if _is_size(new) else new)[root]
+
+
+def with_sizes_in_conditions(root: Expr) -> Expr:
+    """Returns the program with such roots as sizes in its conditions: |u| has a kink at a surface, where √(u²) has none to be seen."""
+    atoms = [n for n in postorder([root]) if isinstance(n, Compare) and n.free]
+    roots = {n for n in postorder(atoms) if _is_size(n)}
+    if not roots:
+        return root
+    return cast(Expr, rewrite([root], lambda old, new: _size(cast(Call, new)) if old in roots and _is_size(new) else new)[root])
+
+
+def _is_size(n: Node) -> bool:
+    return isinstance(n, Call) and n.name == "sqrt" and bool(n.free) and _has_square(n.children[0])
+
+
+def _size(root: Call) -> Expr:
+    return _root_of(root, root.children[0])
 
 
 Branches = Expr | tuple[Cond, "Branches", "Branches"]

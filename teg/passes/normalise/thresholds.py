@@ -11,12 +11,13 @@ A distance below a radius is a disk then, and the level of a Gaussian is an elli
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple, cast
 
 from teg.analysis.extents import extent
-from teg.ir.expr import MINUS_ONE, TRUE, Add, Call, Cond, Const, Expr, Mul, const
+from teg.ir.expr import FALSE, MINUS_ONE, TRUE, Add, Call, Cond, Const, Expr, Mul, const
 from teg.ir.node import postorder
-from teg.ir.simplify import add, call, div, integer_power, mul, positive
+from teg.ir.simplify import add, call, div, integer_power, mul, negation, positive
 
 _LEAST, _MOST = const(1e-307), const(700.0)
 """A level of an exponential or a power, and of a logarithm, beyond which levels do not move: their slopes are finite numbers."""
@@ -32,25 +33,39 @@ class Threshold(NamedTuple):
     rising: bool
 
 
+def without_threshold(g: Expr, strict: bool = True) -> tuple[Cond, Expr, Cond] | None:
+    """Returns (b, u, c) with g > 0 ⇔ b or (c and u > 0), where u is a surface without the function of a threshold; None for others."""
+    t = threshold(g)
+    if t is None:
+        return None
+    beyond = add(t.u, mul(MINUS_ONE, t.level))
+    if t.rising:
+        return negation(t.counts), beyond, TRUE
+    return FALSE, mul(MINUS_ONE, beyond), t.counts
+
+
 def threshold(g: Expr) -> Threshold | None:
     """Returns the threshold of a surface, if it is one."""
     fixed: list[Expr] = []
-    term = g
-    while isinstance(term, Add):
+    factor, term = 1.0, g
+    while isinstance(term, Add | Mul):
         varying = [c for c in term.children if c.free]
-        if len(varying) != 1:
+        others = [c for c in term.children if not c.free]
+        if len(varying) != 1 or (isinstance(term, Mul) and not all(isinstance(c, Const) for c in others)):
             return None
-        fixed += [c for c in term.children if c is not varying[0]]
+        if isinstance(term, Mul):
+            factor *= math.prod(cast(float, c.data) for c in others)
+        else:
+            fixed += [mul(const(factor), c) for c in others]
         term = varying[0]
-    factor, *others = term.children if isinstance(term, Mul) else (const(1.0), term)
-    if not fixed or len(others) != 1 or not isinstance(factor, Const) or not isinstance(others[0], Call) or factor.data == 0.0:
+    if not fixed or not isinstance(term, Call) or factor == 0.0:
         return None
-    f = others[0]
+    f = term
     if len(f.free) < 2 or any(isinstance(n, Call) and n.free and n.name != "magnitude" for n in postorder(f.children)):
         return None  # in one variable there is a formula as it is; else the inverse is no polynomial either
-    c = div(mul(MINUS_ONE, add(*fixed)), factor)
+    c = div(mul(MINUS_ONE, add(*fixed)), const(factor))
     found = _inverse(f, c)
-    return None if found is None else Threshold(f.children[0], *found, factor.data > 0.0)
+    return None if found is None else Threshold(f.children[0], *found, factor > 0.0)
 
 
 def _inverse(f: Call, c: Expr) -> tuple[Expr, Cond] | None:

@@ -98,3 +98,22 @@ def test_one_boundary_integral_a_surface_whatever_the_number_of_parameters() -> 
     forward = teg.tuple(*(tangent_of(e, {p: ONE}) for p in ps))
     at = {p.name: 0.01 for p in ps}
     assert teg.evaluate(adjoint, at) == pytest.approx(teg.evaluate(forward, at), rel=1e-13)
+
+
+def test_a_parameter_in_several_terms_of_a_branch() -> None:
+    """The cotangents of one parameter are one sum."""
+    net = t + b - 0.3 * t
+    f = teg.compile(teg.where(b < 2, net, net * t), [t, b])
+    assert f.grad(t=1.3, b=0.2) == pytest.approx({"t": 0.7, "b": 1.0}, rel=1e-15)
+
+
+@pytest.mark.parametrize("backend", ["numpy", "c"])
+def test_a_line_whose_slope_is_its_intercept(backend: str) -> None:
+    """The area x < t·(y + 1) on a box, whose corner the line leaves at 2/t: its slope is 2/t² there."""
+    box = (x, -1.2, 2), (y, -1, 1)
+    f = teg.compile(teg.integral(teg.bracket(x - t * y - t < 0), *box), [t], backend=backend)
+    assert f.hessian(t=1.3)["t", "t"] == pytest.approx(-4 / 1.3**3, rel=1e-12)
+    assert f.hessian(t=-1.295)["t", "t"] == pytest.approx(1.44 / 1.295**3, rel=1e-12)
+    length = teg.compile(teg.integral(teg.delta(x - t * y - t), *box), [t], backend=backend)
+    value, grad = length.value_and_grad(t=1.3)
+    assert (value, grad["t"]) == pytest.approx((2 / 1.3, -2 / 1.3**2), rel=1e-12)

@@ -113,3 +113,11 @@ def test_a_coefficient_goes_through_zero() -> None:
     for name in ("a", "b", "c"):
         gradients = [np.array(list(f.grad({**base, name: v}).values())) for v in (-1e-7, 0.0, 1e-7)]
         assert np.allclose(gradients[1], (gradients[0] + gradients[2]) / 2, rtol=0, atol=1e-9), name
+
+
+def test_the_variable_of_a_chart_is_no_parameter() -> None:
+    """Charts call their variable s, as a user may call a parameter."""
+    s = teg.param("s")
+    e = teg.integral(teg.bracket(x - t * y < s), (x, 0, 1), (y, 0, 1))
+    free = teg.eliminate(teg.diff(e, s))
+    assert teg.evaluate(free, {"s": 0.3, "t": 0.2}) == pytest.approx(1.0, rel=1e-14)

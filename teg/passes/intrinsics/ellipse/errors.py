@@ -8,13 +8,15 @@ from teg.passes.lower.intrinsic import LEAST, ROUNDINGS, Errors
 from teg.program import Arg, Ellipse, HalfPlane, Moments, Stmt
 
 STEP = 2.0**-42
-"""How far an ellipse is moved, relative to its size: far enough that the roundings of the moments themselves do not count."""
+"""How far an ellipse is moved at least, relative to its size: far enough that the roundings of the moments themselves do not count."""
+BEYOND = 4.0
+"""How far it is moved, relative to how far it may be off: its place has no digits below."""
 
 
 def with_errors(errors: Errors, stmt: Ellipse, out: list[Stmt]) -> None:
     """Appends the statement with its errors: roundings of the terms, errors of the coefficients and of the place.
 
-    How far errors of the place move a moment is shown by the same moment of an ellipse that is STEP larger and to the side, and how far
+    How far errors of the place move a moment is shown by the same moment of an ellipse that is a step larger and to the side, and how far
     those of the half-planes do by the same moment in half-planes that are STEP wider.
     """
     kinds: dict[tuple[str, int, int], str] = {}
@@ -27,21 +29,22 @@ def with_errors(errors: Errors, stmt: Ellipse, out: list[Stmt]) -> None:
     size: Arg = LEAST
     for number in (u, v, radius):
         size = errors.op(out, "max", size, errors.op(out, "abs", number))
-    step = errors.op(out, "mul", STEP, size)
+    relative = _relative(errors, stmt, size, out)
+    far = errors.op(out, "max", STEP, errors.op(out, "mul", BEYOND, relative))
+    step = errors.op(out, "mul", far, size)
     moved = tuple(errors.fresh("v") for _ in kinds)
     place = (errors.op(out, "add", u, step), errors.op(out, "sub", v, step), errors.op(out, "add", radius, step), width, height, least)
     out.append(replace(stmt, place=place, moments=single, results=moved))
-    relative = _relative(errors, stmt, size, out)
     spread: dict[tuple[str, int, int], Arg] = {}
     for (key, name), other in zip(kinds.items(), moved, strict=True):
-        apart = _apart(errors, relative, name, other, out)
+        apart = _apart(errors, errors.op(out, "div", relative, far), name, other, out)
         spread[key] = errors.sum_of((apart, errors.op(out, "mul", ROUNDINGS, errors.op(out, "abs", name))), out)
     if stmt.half_planes:
         wider = tuple(errors.fresh("v") for _ in kinds)
         planes, off = _moved_planes(errors, stmt, out)
         out.append(replace(stmt, half_planes=planes, moments=single, results=wider))
         for (key, name), other in zip(kinds.items(), wider, strict=True):
-            spread[key] = errors.sum_of((spread[key], _apart(errors, off, name, other, out)), out)
+            spread[key] = errors.sum_of((spread[key], _apart(errors, errors.op(out, "mul", 1.0 / STEP, off), name, other, out)), out)
     for result, m in zip(stmt.results, stmt.moments, strict=True):
         parts: list[Arg] = []
         for j, k, c in m.terms:
@@ -51,10 +54,9 @@ def with_errors(errors: Errors, stmt: Ellipse, out: list[Stmt]) -> None:
         errors.errors[result] = errors.sum_of(parts, out)
 
 
-def _apart(errors: Errors, relative: Arg, name: Arg, other: Arg, out: list[Stmt]) -> Arg:
-    """Returns how far a moment is off, by the moment of a place that is STEP further."""
-    apart = errors.op(out, "abs", errors.op(out, "sub", name, other))
-    return errors.op(out, "mul", errors.op(out, "mul", 1.0 / STEP, relative), apart)
+def _apart(errors: Errors, steps: Arg, name: Arg, other: Arg, out: list[Stmt]) -> Arg:
+    """Returns how far a moment is off, by that of a place that is a step further, and by how many steps the place may be off."""
+    return errors.op(out, "mul", steps, errors.op(out, "abs", errors.op(out, "sub", name, other)))
 
 
 def _moved_planes(errors: Errors, stmt: Ellipse, out: list[Stmt]) -> tuple[tuple[HalfPlane, ...], Arg]:

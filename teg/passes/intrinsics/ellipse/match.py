@@ -23,7 +23,7 @@ from teg.analysis.boxes import Coefficients, coefficients, nest_of_two
 from teg.analysis.calculus import slope
 from teg.analysis.expanded import distance
 from teg.analysis.nest import Binder, Chain, nest
-from teg.analysis.polynomial import Shadow
+from teg.analysis.polynomial import Shadow, is_null
 from teg.analysis.surfaces import atoms_of
 from teg.analysis.tails import is_unbounded
 from teg.errors import NotDifferentiableError
@@ -276,7 +276,7 @@ def _surface(g: Expr, box: Chain) -> _Surface | None:
         whole = sub(mul(a, d), mul(b, c))
         centre = sub(known.centre[inner.var], inner.lo), sub(known.centre[outer.var], outer.lo)
         sign, place = data.sign, known
-    if whole is ZERO:
+    if is_null(whole):  # parallel lines, however they are written
         return None
     extents = distance(inner.lo, inner.hi), distance(outer.lo, outer.hi)
     radius, least = (call("sqrt", call("max", square, ZERO)) for square in (place.square, place.least))
