@@ -348,6 +348,42 @@ MUTANTS: tuple[Mutant, ...] = (
         ("products of integrals", "if _is_linear_in_integrals(body) else {}", "if True else {}"),
         ("how many are isolated", "if len(functions) <= MAX_ISOLATED else", "if True else"),
     ),
+    *mutants(
+        "teg/passes/normalise/regions.py",
+        ("tests/passes/normalise/test_regions.py",),
+        ("the larger operand", "conditions.append(side if (i < j) == largest else negation(side))", "conditions.append(side)"),
+        ("one plane, two names", "return positive(plane) if same else negation(positive(plane))", "return positive(plane)"),
+        ("a region that is empty", "        if both is FALSE:\n", "        if False:\n"),
+        ("surfaces of a higher degree", "if any(d is None or d > MOST_DEGREE for d in degrees):", "if False:"),
+        ("how many regions", "if len(done) + len(waiting) > MOST_REGIONS:", "if False:"),
+        ("an index inside", "return any(isinstance(n, Ranged) for n in postorder([body]))", "return False"),
+        ("the rest of a condition", "rest, ones, all_sides, side = FALSE,", "rest, ones, all_sides, side = TRUE,"),
+    ),
+    *mutants(
+        "teg/passes/intrinsics/ellipse/match.py",
+        ("tests/end_to_end/test_conics.py",),
+        ("no ellipse", "    if is_null(whole):", "    if whole is ZERO:"),
+    ),
+    *mutants(
+        "teg/passes/intrinsics/ellipse/errors.py",
+        ("tests/end_to_end/test_conics.py",),
+        ("a place without digits", 'far = errors.op(out, "max", STEP, errors.op(out, "mul", BEYOND, relative))', "far = STEP"),
+    ),
+    *mutants(
+        "teg/passes/lower/guarded.py",
+        ("tests/end_to_end/test_infinite_ranges.py",),
+        ("a break outside", "*(_within(b, inner) for b in breaks)", "*breaks"),
+    ),
+    *mutants(
+        "teg/ir/simplify.py",
+        ("tests/ir/test_expr.py",),
+        ("a multiple of a branch", "times = [(const(c), w)", "times = [(ONE, w)"),
+    ),
+    *mutants(
+        "teg/pipeline.py",
+        ("tests/passes/eliminate/test_charts.py",),
+        ("the name of a chart's variable", "return cast(Expr, rename_apart(e, clashing)) if clashing else e", "return e"),
+    ),
     *IN_PASSES,
     *IN_BACKENDS,
 )

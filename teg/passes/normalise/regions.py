@@ -97,7 +97,7 @@ class _Borders:
                 return []
             is_curved = is_curved or MOST_DEGREE in degrees
             done.append(region)
-        return _merged(done) if is_curved else []
+        return done if is_curved else []
 
     def _smooth(self, g: Expr) -> list[Expr]:
         """Returns the smooth functions that a condition on g is one on: those of which g is an extreme."""
@@ -183,19 +183,3 @@ def _has_loops(body: Expr) -> bool:
 def _parts(condition: Cond) -> tuple[Cond, ...]:
     """Returns the conditions that hold together where this one does."""
     return () if condition is TRUE else condition.children if isinstance(condition, And) else (condition,)
-
-
-def _merged(regions: list[Region]) -> list[Region]:
-    """Returns the regions with those joined that differ in one condition only."""
-    done: dict[tuple[Expr, frozenset[Cond]], Region] = {}
-    waiting = list(reversed(regions))
-    while waiting:
-        region = waiting.pop()
-        own = frozenset(region.conditions)
-        for c in region.conditions:
-            if done.pop((region.body, own - {c} | {negation(c)}), None) is not None:
-                waiting.append(region._replace(conditions=tuple(d for d in region.conditions if d is not c)))
-                break
-        else:
-            done[region.body, own] = region
-    return list(done.values())

@@ -154,11 +154,13 @@ def test_normal_form() -> None:
         teg.bracket(abs(x) + abs(y) < t),  # half-planes as it is
         teg.bracket(teg.sin(abs(x)) + y < t),  # no quadric
         teg.bracket(hinge(x) ** 3 + y < t),
+        teg.bracket(teg.where(x > 0, x**2, teg.sin(x)) + y < t),  # one side is none
         teg.bracket(hinge(x * y) ** 2 + y < t),  # its kink is no plane
         teg.bracket(hinge(x) ** 2 < t),  # in one variable there is a formula
         hinge(x) ** 2 * teg.bracket(x * x + y * y < t),  # a kink of the integrand
         teg.bracket(sum((hinge(x - teg.param(n)) ** 2 for n in "cdefijl"), y) < t),  # too many
         teg.bracket(teg.sum(hinge(x - S[k]) ** 2, (k, 0, 3)) + y * y < t),  # a kink for each index
+        teg.sum(teg.bracket(hinge(x - S[k]) ** 2 + y * y < t), (k, 0, 3)),
     ],
     ids=str,
 )
