@@ -257,6 +257,17 @@ def test_a_strip_by_the_distance_from_its_foot(backend: str, intrinsics: bool) -
     assert gradient == pytest.approx({"t": 2 * length, "a": 0.6 * 0.15 / length, "b": 0.6 * 0.62 / length}, rel=1e-11)
 
 
+def test_a_strip_across_the_square() -> None:
+    """Its area depends on its direction where it meets the sides: the same with the closed forms of ellipses and without."""
+    u, v = x + 0.2, y + 0.4
+    along = (u * a + v * b) / (a * a + b * b)
+    strip = teg.integral(teg.bracket((u - along * a) ** 2 + (v - along * b) ** 2 < t * t), *SQUARE)
+    closed, plain = (teg.compile(strip, [t, a, b], backend="numpy", intrinsics=on) for on in (True, False))
+    at = {"t": 0.3, "a": 0.15, "b": 0.62}
+    assert closed(at) == pytest.approx(0.6 * math.hypot(0.15, 0.62) / 0.62 * 2, rel=1e-12)  # a parallelogram between y = -1 and y = 1
+    assert closed.value_and_grad(at)[1] == pytest.approx(plain.grad(at), rel=1e-11)
+
+
 @pytest.mark.usefixtures("x64_for_jax")
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_squares_that_are_nearly_parallel(backend: str) -> None:

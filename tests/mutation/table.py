@@ -356,7 +356,6 @@ MUTANTS: tuple[Mutant, ...] = (
         ("a region that is empty", "        if both is FALSE:\n", "        if False:\n"),
         ("surfaces of a higher degree", "if any(d is None or d > MOST_DEGREE for d in degrees):", "if False:"),
         ("how many regions", "if len(done) + len(waiting) > MOST_REGIONS:", "if False:"),
-        ("an index inside", "return any(isinstance(n, Ranged) for n in postorder([body]))", "return False"),
         ("the rest of a condition", "rest, ones, all_sides, side = FALSE,", "rest, ones, all_sides, side = TRUE,"),
     ),
     *mutants(
