@@ -57,9 +57,9 @@ def critical_point(g: Expr, boxes: Sequence[Binder]) -> Critical | None:
     for i, v in enumerate(variables):
         replaced = [[down[r] if c == i else entry for c, entry in enumerate(row)] for r, row in enumerate(hessian)]
         point[v] = add(middle[v], mul(_determinant(replaced), integer_power(whole, -1)))
-    rows = mul(*(add(*(call("magnitude", entry) for entry in row)) for row in hessian))
+    scale = mul(*(add(*(call("magnitude", entry) for entry in row)) for row in hessian))
     inside = conjunction(
-        positive(sub(call("magnitude", whole), mul(const(ROUNDING), rows))),  # else the point is noise
+        positive(sub(call("magnitude", whole), mul(const(ROUNDING), scale))),  # else the point is noise
         *(_between(point[b.var], b) for b in boxes),
     )
     return Critical(point, _at(g, point), whole, inside, _size(g, around, middle))

@@ -41,7 +41,7 @@ from teg.numerics.field import divided, sign_of_residue
 from teg.passes.normalise.denominators import cleared, cleared_delta, has_variable_denominator, tangents_as_quotients
 from teg.passes.normalise.factors import signed_factors, without_squares
 from teg.passes.normalise.quotients import with_whole_branches
-from teg.passes.normalise.thresholds import threshold
+from teg.passes.normalise.thresholds import without_threshold
 
 MAX_HOISTED = 6
 FEW_TERMS = 4
@@ -107,11 +107,9 @@ class Canonical:
             numerator, denominator = cleared(g)
             g = mul(numerator, denominator)
         sign, factors = signed_factors(g)
-        if len(factors) == 1 and sign and (t := threshold(factors[0])) is not None:
-            beyond = add(t.u, mul(MINUS_ONE, t.level))
-            if t.rising == (sign > 0):
-                return disjunction(negation(t.counts), self._atom(beyond, strict, hoists))
-            return conjunction(t.counts, self._atom(mul(MINUS_ONE, beyond), strict, hoists))
+        if len(factors) == 1 and sign and (level := without_threshold(mul(const(sign), factors[0]))) is not None:
+            always, beyond, counts = level
+            return disjunction(always, conjunction(counts, self._atom(beyond, strict, hoists)))
         found = [self._representatives(factor) for factor in factors]
         surfaces, sign = without_squares([s for own, _ in found for s in own], sign)
         denominators, sign = without_squares([s for _, under in found for s in under], sign, parameters_too=True)

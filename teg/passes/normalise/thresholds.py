@@ -33,7 +33,7 @@ class Threshold(NamedTuple):
     rising: bool
 
 
-def without_threshold(g: Expr, strict: bool = True) -> tuple[Cond, Expr, Cond] | None:
+def without_threshold(g: Expr) -> tuple[Cond, Expr, Cond] | None:
     """Returns (b, u, c) with g > 0 ⇔ b or (c and u > 0), where u is a surface without the function of a threshold; None for others."""
     t = threshold(g)
     if t is None:
