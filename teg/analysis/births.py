@@ -62,6 +62,8 @@ def at_births(g: Expr, coefficient: Expr, chain: Chain) -> Expr:
         return ZERO
     terms = []
     for point, exists in points or ():
+        if any(_is_nowhere(e) for e in point.values()):  # as that of a parabola
+            continue
         level = _at(g, point)
         if level.free or _is_always_0(level, g):  # no line of critical points; or a point that stays singular, as the cusp of a cardioid
             continue
@@ -188,14 +190,25 @@ def _is_always_0(value: Expr, function: Expr) -> bool:
     return _somewhere(value) <= SMALL * (size if 0.0 < size < math.inf else 1.0)
 
 
+def _is_nowhere(coordinate: Expr) -> bool:
+    """Returns whether a coordinate is no number, but for some values of its parameters: 0/0 where two equations are one."""
+    value = _value_somewhere(coordinate)
+    return value is not None and not math.isfinite(value)
+
+
 def _somewhere(e: Expr) -> float:
     """Returns the size of an expression at one place of its variables and parameters; infinity where it has none."""
+    value = _value_somewhere(e)
+    return math.inf if value is None or math.isnan(value) else abs(value)
+
+
+def _value_somewhere(e: Expr) -> float | None:
+    """Returns an expression at one place of its variables and parameters; None if it is none of these alone."""
     names: list[Node] = [*sorted(e.free, key=str), *parameters(e)]
     try:
-        value = abs(float(values_of([e], {name: 0.37 + 0.11 / (k + 1.0) for k, name in enumerate(names)})[0]))
+        return float(values_of([e], {name: 0.37 + 0.11 / (k + 1.0) for k, name in enumerate(names)})[0])
     except OperandError:
-        return math.inf
-    return math.inf if math.isnan(value) else value
+        return None
 
 
 def _zeros(e: Expr, unknown: Sequence[Binder]) -> list[tuple[Var, Root]]:

@@ -282,3 +282,16 @@ def test_squares_that_are_nearly_parallel(backend: str) -> None:
         value, error = f.value_and_error(t=0.4, e=near)
         assert value == pytest.approx(float(exact), abs=10 * error + 1e-12)
         assert error < 1e-12 / near + 1e-10
+
+
+@pytest.mark.parametrize("backend", ["c", "numpy"])
+@pytest.mark.parametrize("slopes", [(-0.55, -0.6), (0.3, 0.7), (0.75, 0.5)])
+def test_a_parabola_by_the_square_of_a_slanted_line(slopes: tuple[float, float], backend: str) -> None:
+    """It has no critical point, though the determinant of numbers such as 0.55 and 0.6 is 0 to rounding only."""
+    m, n = slopes
+    body = teg.bracket((m * x + n * y) ** 2 - 0.27 * x + 0.54 * y - t < 0) * (1 + 0.5 * x)
+    value, gradient = teg.compile(teg.integral(body, *SQUARE), [t], backend=backend).value_and_grad(t=0.36)
+    with mp.workdps(DIGITS):
+        exact, by = slices((mpf(m) ** 2, 2 * mpf(m) * mpf(n), mpf(n) ** 2, mpf(-0.27), mpf(0.54), mpf(-0.36)))
+    assert value == pytest.approx(float(exact), rel=1e-12)
+    assert gradient["t"] == pytest.approx(-float(by[5]), rel=1e-10)

@@ -359,6 +359,11 @@ MUTANTS: tuple[Mutant, ...] = (
         ("the rest of a condition", "rest, ones, all_sides, side = FALSE,", "rest, ones, all_sides, side = TRUE,"),
     ),
     *mutants(
+        "teg/analysis/births.py",
+        ("tests/end_to_end/test_conics.py",),
+        ("a critical point that is nowhere", "if any(_is_nowhere(e) for e in point.values()):", "if False:"),
+    ),
+    *mutants(
         "teg/passes/intrinsics/ellipse/match.py",
         ("tests/end_to_end/test_conics.py",),
         ("no ellipse", "    if is_null(whole):", "    if whole is ZERO:"),
