@@ -24,7 +24,7 @@ from teg.ir import expr as ex
 from teg.ir import simplify
 from teg.ir.expr import FALSE, TRUE, ZERO, Compare, Cond, Const, Expr, Var
 from teg.ir.integral import Integral
-from teg.ir.node import Node, digest, union
+from teg.ir.node import Node, digest, postorder, union
 from teg.ir.show import show
 from teg.ir.simplify import conjunction, disjunction, negation, positive, sub, where
 from teg.ir.traverse import fresh, substitute
@@ -62,6 +62,12 @@ def binders_inside(root: Node) -> frozenset[Var]:
             bound.add(node.var)
         stack.extend(node.children)
     return frozenset(bound)
+
+
+def _binders_outwards(root: Node) -> list[Var]:
+    """Returns the variables bound by the integrals below a node, those of inner integrals first."""
+    bound = binders_inside(root)
+    return list(dict.fromkeys(n.var for n in postorder([root]) if isinstance(n, Integral))) if bound else []
 
 
 def renamed_apart(chain: Chain, *parts: Expr) -> tuple[Chain, tuple[Expr, ...]]:
@@ -145,7 +151,7 @@ def restrict(e: Expr, at: Mapping[Var, Expr], surface: Expr, directions: Sequenc
 
     `directions` are the variables along which tied surfaces are moved apart, innermost first.
     """
-    inner = binders_inside(e)
+    inner = _binders_outwards(e)
     zeros: list[ZeroSet] = []
 
     def is_annulled(other: Expr) -> bool:
@@ -154,9 +160,9 @@ def restrict(e: Expr, at: Mapping[Var, Expr], surface: Expr, directions: Sequenc
         return zeros[0].annuls(peeled(other, partial=True))
 
     def mark(old: Compare, g: Expr, resolution: Cond | None) -> Cond:
-        if resolution is not None or old.g is surface or old.g.free & inner:
+        if resolution is not None or old.g is surface or not _may_coincide(old.g, inner):
             return positive(g, old.strict, resolution, old.rivals)
-        rising = _leading_sign(old.g, directions, at)
+        rising = _leading_sign(old.g, (*inner, *directions), at)
         if rising is None:
             return positive(g, old.strict)
         truth = negation(rising) if comes_first(surface, old.g) else rising
@@ -165,6 +171,21 @@ def restrict(e: Expr, at: Mapping[Var, Expr], surface: Expr, directions: Sequenc
         return positive(g, old.strict, truth, (_tie_name(surface), _tie_name(old.g)))
 
     return Keys().without_null_roots(cast(Expr, substitute(e, at, mark)))
+
+
+def _may_coincide(g: Expr, inner: Sequence[Var]) -> bool:
+    """Returns whether a surface may run along one without the variables of inner integrals, wherever these are.
+
+    One that rises in an inner variable at a known rate crosses at one of its places. At an unknown rate, as c·x + y in x, it may be 0.
+    """
+    own = [v for v in inner if v in g.free]
+    if not own:
+        return True
+    try:
+        rates = [slope(g, v) for v in own]
+    except NotDifferentiableError:
+        return False
+    return not any(isinstance(rate, Const) and rate is not ZERO for rate in rates)
 
 
 def _are_planes(g: Expr, h: Expr) -> bool:

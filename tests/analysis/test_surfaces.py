@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from itertools import permutations
 
 import pytest
@@ -12,7 +13,7 @@ from teg.analysis.surfaces import atoms_of, binders_inside, comes_first, open_su
 from teg.ir.integral import Integral
 
 x, y, z = teg.vars("x y z")
-t, a = teg.params("t a")
+t, a, c = teg.params("t a c")
 
 
 def test_atoms() -> None:
@@ -76,3 +77,59 @@ def test_where_three_surfaces_tie_the_derivatives_are_those_of_one_arrangement(n
 def test_every_point_is_below_an_infinite_bound(lo: float, hi: float, sign: int) -> None:
     e = teg.integral(teg.bracket(x < t) * teg.exp(-(x**2)), (x, lo, hi))
     assert teg.evaluate(teg.diff(e, t), {t: 0.3}) == pytest.approx(sign * math.exp(-0.09), rel=1e-14)
+
+
+TURNED = {
+    "a line": c * x + y,
+    "a line about a point": c * (x - 0.4) + y,
+    "a direction": x * teg.sin(c) + y * teg.cos(c),
+    "a parabola": c * x**2 + y,
+    "a circle by its curvature": c * (x**2 + y**2) + y,
+    "a hyperbola": y * (1 + c * x),
+    "a quotient": y / (1 + c * x),
+    "a sine": teg.sin(c * x) + y,
+    "a kink": c * abs(x - 0.3) + y,
+}
+TOGETHER: dict[str, tuple[Callable[[teg.Cond, teg.Cond], teg.Expr], float]] = {
+    "and": (lambda p, q: teg.bracket(p & q), 1.0),
+    "or": (lambda p, q: teg.bracket(p | q), 1.0),
+    "not": (lambda p, q: teg.bracket(p & ~q), 0.0),
+    "where": (lambda p, q: teg.where(p, 3.0, teg.where(q, 2.0, 1.0)), 2.0),
+}
+
+
+@pytest.mark.parametrize(("way", "backend"), [*((way, "numpy") for way in TOGETHER), ("and", "c")])
+@pytest.mark.parametrize("surface", TURNED)
+def test_surfaces_that_coincide_where_a_parameter_is_0(surface: str, way: str, backend: str) -> None:
+    """At c = 0 both conditions are y < t; by x, the inner variable, the second one is constant then."""
+    together, factor = TOGETHER[way]
+    e = teg.integral(together(y < t, TURNED[surface] < t) * (1 + x * y), (x, 0, 1), (y, 0, 1))
+    f = teg.compile(e, [t, c], backend=backend)
+    assert f.grad(t=0.55, c=0.0)["t"] == pytest.approx(factor * (1 + 0.55 / 2), abs=1e-12)
+
+
+@pytest.mark.parametrize("surface", TURNED)
+def test_surfaces_that_coincide_by_the_outer_variable(surface: str) -> None:
+    e = teg.integral(teg.bracket((y < t) & (TURNED[surface] < t)) * (1 + x * y), (y, 0, 1), (x, 0, 1))
+    assert teg.compile(e, [t, c], backend="numpy").grad(t=0.55, c=0.0)["t"] == pytest.approx(1 + 0.55 / 2, abs=1e-12)
+
+
+@pytest.mark.parametrize(("names", "backend"), [("xyz", "numpy"), ("zyx", "numpy"), ("xzy", "c")])
+def test_cylinders_that_coincide_where_a_parameter_is_0(names: str, backend: str) -> None:
+    disk = y**2 + z**2
+    ranges = {"x": (x, 0, 1), "y": (y, -1, 1), "z": (z, -1, 1)}
+    e = teg.integral(teg.bracket((disk < t) & (disk + c * x < t)) * (1 + x), *(ranges[k] for k in names))
+    assert teg.compile(e, [t, c], backend=backend).grad(t=0.55, c=0.0)["t"] == pytest.approx(1.5 * math.pi, rel=1e-11)
+
+
+@pytest.mark.parametrize("backend", ["numpy", "c"])
+def test_a_moving_bound_on_which_a_surface_lies_where_a_parameter_is_0(backend: str) -> None:
+    for ranges in permutations(((x, 0, 1), (y, 0, t))):
+        f = teg.compile(teg.integral(teg.bracket(c * x + y < t) * (1 + x), *ranges), [t, c], backend=backend)
+        assert f.grad(t=0.55, c=0.0)["t"] == pytest.approx(1.5, rel=1e-14)
+
+
+def test_a_surface_that_lies_on_none_is_no_tie() -> None:
+    """c·x < a has no point in common with y = t, also where all of it is 0."""
+    either = teg.integral(teg.bracket((y < t) | (c * x < a)), (x, 0, 1), (y, 0, 1))
+    assert teg.compile(either, [t, a, c], backend="numpy").grad(t=0.55, a=0.0, c=0.0)["t"] == 1.0

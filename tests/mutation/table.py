@@ -145,6 +145,11 @@ MUTANTS: tuple[Mutant, ...] = (
         ("a bound that ties", "truth = TRUE if comes_first(surface, other) else FALSE", "truth = TRUE"),
         ("below an infinite bound", "return TRUE if bound.data > 0 else FALSE", "return FALSE if bound.data > 0 else TRUE"),
         ("order of bounds", "return 1 if lo.data <= hi.data else -1", "return 1"),
+        (
+            "surfaces that coincide where a rate is 0",
+            "return not any(isinstance(rate, Const) and rate is not ZERO for rate in rates)",
+            "return False",
+        ),
     ),
     *mutants(
         "teg/passes/eliminate/univariate.py",
