@@ -5,7 +5,8 @@
 The range of an affine u is exact: its value where all variables start, and the change along each of them. The range of any other u is
 its interval enclosure. Parameters may move the steps, but not change their number, as in floor(3x + t): k₀ is then an expression of
 parameters, and the steps at both ends of the range are counted too, because they are the ones that enter and leave. Where parameters
-change the number as well, as in floor(t·x), MAX_PERIODIC steps are counted, and a condition tells whether these are all.
+change the number as well, as in floor(t·x), MAX_PERIODIC steps are counted, and a condition tells whether these are all. An angle, and what else has
+values between two numbers for all parameters, has its steps at known places.
 """
 
 from __future__ import annotations
@@ -49,6 +50,8 @@ MAX_STEPS = 256
 """The largest number of steps of one floor that are counted."""
 _SLACK = 1e-9
 """A range this near to an integer number of steps may contain one more, by rounding."""
+_TURN = 1e-12
+"""The part of the largest size of a function in which no step is counted: π/q may be rounded up to an integer."""
 _LEAST_RATE = 1e-300
 _HALF = const(0.5)
 
@@ -170,7 +173,7 @@ def count_steps(u: Expr, box: Box) -> Steps | None:
     if not u.free <= box.ranges.keys():
         return None
     affine = _affine_extent(u, box.ranges)
-    best = _steps(u, affine or _extent(u, box.ranges), affine is None)
+    best = _steps(u, affine or _least_known(_extent(u, box.ranges), u), affine is None)
     for v, level in box.cells:
         inside = _steps(u, _related_extent(u, v, level, box.ranges), False)
         if inside is not None and (best is None or best.guard is not TRUE or len(inside.over) < len(best.over)):
@@ -298,6 +301,19 @@ def _extent(u: Expr, ranges: Mapping[Var, Range]) -> Extent | None:
     if least.free or most.free:
         return None
     return add(fixed, least), add(fixed, most), tidy(sub(most, least))
+
+
+def _least_known(extent: Extent | None, u: Expr) -> Extent | None:
+    """Returns an extent, or that of u for all parameters if the number of steps is counted for all of them anyway: an angle goes from
+    -π to π, and its steps are at known places then."""
+    if extent is None or number(extent[2]) is not None:
+        return extent
+    terms = u.children if isinstance(u, Add) else (u,)
+    most = greatest_size(add(*(t for t in terms if t.free))) * (1.0 - _TURN)
+    if math.isinf(most) or 2.0 * most > greatest_size(extent[2]):
+        return extent
+    fixed = add(*(t for t in terms if not t.free))
+    return add(fixed, const(-most)), add(fixed, const(most)), const(2.0 * most)
 
 
 def _is_analytic(u: Expr) -> bool:

@@ -5,13 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from contextlib import nullcontext
+from itertools import pairwise
 
 import mpmath
 import numpy as np
 import pytest
 
 import teg
+from teg.analysis.surfaces import atoms_of
+from teg.ir.traverse import size
 from teg.passes.normalise.cuts import with_cuts
+from teg.pipeline import normal_form
 
 pytestmark = pytest.mark.usefixtures("x64_for_jax")
 
@@ -203,3 +207,57 @@ def test_angles_in_longer_conditions(condition: teg.Expr, moves: bool, reverse: 
     for name, slope in gradient.items():
         change = (f(**{**at, name: at[name] + 1e-4}) - f(**{**at, name: at[name] - 1e-4})) / 2e-4
         assert slope == pytest.approx(change, rel=1e-5, abs=1e-5)
+
+
+def sector(a: float, b: float, start: float, end: float) -> float:
+    """The area of the directions from `start` to `end`, half a turn apart at most, from (a, b) in the unit square: a clipped triangle."""
+    far = 10.0
+    polygon = [(a, b), *((a + far * math.cos(angle), b + far * math.sin(angle)) for angle in (start, end))]
+    for axis, low in ((0, True), (0, False), (1, True), (1, False)):
+
+        def depth(p: tuple[float, float], axis: int = axis, low: bool = low) -> float:
+            return p[axis] if low else 1.0 - p[axis]
+
+        clipped = []
+        for p, q in zip(polygon, polygon[1:] + polygon[:1], strict=True):
+            d, e = depth(p), depth(q)
+            clipped += [p] if d >= 0.0 else []
+            if d * e < 0.0:
+                s = d / (d - e)
+                clipped.append((p[0] + s * (q[0] - p[0]), p[1] + s * (q[1] - p[1])))
+        polygon = clipped
+    return 0.5 * sum(p[0] * q[1] - p[1] * q[0] for p, q in zip(polygon, polygon[1:] + polygon[:1], strict=True))
+
+
+def pinwheel(at: dict[str, float], width: float) -> float:
+    """The area of the directions θ in (-π, π) with mod(θ, width) < t."""
+    first, total = math.floor(-math.pi / width), 0.0
+    for k in range(first, math.ceil(math.pi / width)):
+        start, end = max(k * width, -math.pi), min(k * width + at["t"], math.pi)
+        parts = max(1, math.ceil((end - start) / 1.5))
+        edges = [start + (end - start) * i / parts for i in range(parts + 1)]
+        total += sum(sector(at["a"], at["b"], p, q) for p, q in pairwise(edges) if q > p)
+    return total
+
+
+@pytest.mark.parametrize(
+    ("width", "backend"), [(1.0, "numpy"), (3.0, "numpy"), (math.pi / 2, "numpy"), (math.pi / 5, "numpy"), (3.0, "c"), (math.pi / 2, "c")]
+)
+def test_a_pinwheel_about_a_moving_centre(width: float, backend: str) -> None:
+    """Rays at 0 and π lie along the cut, and coincide with it."""
+    e = teg.integral(teg.bracket(teg.mod(teg.atan2(y - b, x - a), width) < t), (x, 0, 1), (y, 0, 1))
+    at = {"a": 0.4, "b": 0.55, "t": 0.3}
+    value, gradient = teg.compile(e, [a, b, t], backend=backend).value_and_grad(at)
+    assert value == pytest.approx(pinwheel(at, width), rel=1e-12)
+    for name, slope in gradient.items():
+        h = 1e-3
+        far, near = (pinwheel({**at, name: at[name] + k * h}, width) - pinwheel({**at, name: at[name] - k * h}, width) for k in (2, 1))
+        assert slope == pytest.approx((8 * near - far) / (12 * h), abs=1e-8)
+
+
+def test_steps_of_an_angle_are_at_known_places() -> None:
+    """An angle is in (-π, π), wherever its centre is; by its range in the box, which parameters decide, programs took minutes to compile."""
+    e = normal_form(teg.integral(teg.floor(teg.atan2(y - b, x - a)), (x, 0, 1), (y, 0, 1)))
+    levels = {g for atom in atoms_of(e) for g in [atom.g] if not g.free}
+    assert not levels
+    assert size(e) < 300
