@@ -13,6 +13,11 @@ IN_PASSES: tuple[Mutant, ...] = (
     *mutants(
         "teg/analysis/staircase.py",
         (STEPS,),
+        (
+            "steps of an angle at known places",
+            "return add(fixed, const(-most)), add(fixed, const(most)), const(2.0 * most)",
+            "return extent",
+        ),
         ("last step of a staircase", "last = math.ceil(highest) - 1 if", "last = math.ceil(highest) - 2 if"),
         (
             "halves go to the even side",

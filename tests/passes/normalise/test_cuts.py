@@ -256,7 +256,7 @@ def test_a_pinwheel_about_a_moving_centre(width: float, backend: str) -> None:
 
 
 def test_steps_of_an_angle_are_at_known_places() -> None:
-    """An angle is in (-π, π), wherever its centre is; by its range in the box, which parameters decide, programs took minutes to compile."""
+    """An angle is in (-π, π), wherever its centre is; by its range in the box, which parameters decide, it took minutes to compile."""
     e = normal_form(teg.integral(teg.floor(teg.atan2(y - b, x - a)), (x, 0, 1), (y, 0, 1)))
     levels = {g for atom in atoms_of(e) for g in [atom.g] if not g.free}
     assert not levels
