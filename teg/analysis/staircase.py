@@ -5,8 +5,8 @@
 The range of an affine u is exact: its value where all variables start, and the change along each of them. The range of any other u is
 its interval enclosure. Parameters may move the steps, but not change their number, as in floor(3x + t): k₀ is then an expression of
 parameters, and the steps at both ends of the range are counted too, because they are the ones that enter and leave. Where parameters
-change the number as well, as in floor(t·x), MAX_PERIODIC steps are counted, and a condition tells whether these are all. Angles, and other functions
-with a least and a greatest value for all parameters, have their steps at known places.
+change the number as well, as in floor(t·x), MAX_PERIODIC steps are counted, and a condition tells whether these are all. Angles, and other
+functions with a least and a greatest value for all parameters, have their steps at known places.
 """
 
 from __future__ import annotations
