@@ -43,6 +43,7 @@ from teg.passes.differentiate.estimators.warp import Warp
 from teg.passes.differentiate.estimators.warp_blur import WarpBlur
 from teg.passes.differentiate.forward import tangent_of
 from teg.passes.differentiate.missed_cuts import MissedCuts
+from teg.passes.differentiate.moving_poles import around_poles
 from teg.passes.differentiate.reverse import gradient_of
 from teg.passes.eliminate.edge_mc import EdgeMc
 from teg.passes.eliminate.families import closing, eliminate_deltas, families_with, is_endless
@@ -184,7 +185,7 @@ def jvp(e: object, direction: Mapping[Param | Var, object], maps: Maps = ()) -> 
     check_parameters([p for p in direction if not isinstance(p, Var)])
     changes = {p: as_number(v) for p, v in direction.items()}
     whole = apart_from(_expression(e), variables)
-    normal = _with_moving_steps(normal_form(whole, keep_moving=True, maps=maps), list(changes))
+    normal = _ready(normal_form(whole, keep_moving=True, maps=maps), list(changes))
     return MissedCuts(normal).checked(run_pass("differentiate", lambda u: tangent_of(u, changes), normal), list(changes))
 
 
@@ -192,7 +193,7 @@ def grad(e: object, by: Sequence[Param] | Param | None = None, maps: Maps = ()) 
     """Returns the derivatives of e by each parameter (reverse mode; default: all), a tuple, deltas visible. For a tuple e: a tuple of
     these."""
     wrt = _chosen(e, by)
-    normal = _with_moving_steps(normal_form(_expression(e), keep_moving=True, maps=maps), wrt)
+    normal = _ready(normal_form(_expression(e), keep_moving=True, maps=maps), wrt)
     return cast(Tuple, MissedCuts(normal).guarded(run_pass("adjoint", lambda u: gradient_of(u, wrt), normal), wrt))
 
 
@@ -248,7 +249,7 @@ def compiled_outputs(
     source = normal_form(e, True, maps, canonical, remarks) if e.has_delta else outputs[0]
     missed = MissedCuts(source if sifted else ZERO)
     for order in range(orders):
-        source = _with_moving_steps(source, wrt) if sifted else without_uncounted(source, wrt)
+        source = _ready(source, wrt) if sifted else without_uncounted(source, wrt)
         raw: Expr = run_pass("adjoint", partial(gradient_of, wrt=wrt), source)
         last = order + 1 == orders
         if sifted:
@@ -276,7 +277,7 @@ def _estimated_outputs(e: Expr, wrt: Sequence[Param], orders: int, estimator: Es
         )
     canonical = Canonical()
     value = normal_form(write_out(e), canonical=canonical, whole=True)
-    gradient = run_pass(name, partial(estimator.gradient, wrt=wrt), _with_moving_steps(value, wrt))
+    gradient = run_pass(name, partial(estimator.gradient, wrt=wrt), _ready(value, wrt))
     return [*_together([value], canonical), gradient]  # not canonical: integrals would be split into terms, and their errors added
 
 
@@ -334,11 +335,12 @@ def apart_from(e: Expr, variables: Sequence[Var]) -> Expr:
     return cast(Expr, rename_apart(e))
 
 
-def _with_moving_steps(e: Expr, wrt: Sequence[Param | Var]) -> Expr:
-    """Returns a normal form ready to be differentiated: NaN where too many steps move, an error where no steps can be written out."""
+def _ready(e: Expr, wrt: Sequence[Param | Var]) -> Expr:
+    """Returns a normal form ready to be differentiated: NaN where too many steps move, an error where no steps can be written out; moving
+    poles at rest."""
     e = without_uncounted(e, wrt)
     check_steps(e, wrt)
-    return e
+    return run_pass("around poles", partial(around_poles, wrt=wrt), e)
 
 
 def _chosen(e: object, by: Sequence[Param] | Param | None) -> list[Param]:

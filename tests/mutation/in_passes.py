@@ -11,6 +11,28 @@ ADJOINTS = "tests/passes/intrinsics/test_adjoints.py"
 
 IN_PASSES: tuple[Mutant, ...] = (
     *mutants(
+        "teg/passes/differentiate/moving_poles.py",
+        ("tests/passes/differentiate/test_moving_poles.py",),
+        ("a least value that is no pole", "return pole if is_null(g) else None", "return pole"),
+        ("bounds of the distance from a pole", "tidy(sub(b, place)) for b", "tidy(add(b, place)) for b"),
+        ("poles of one product", "if len(poles) > MAX_POLES:", "if len(poles) > 1:"),
+        (
+            "where an exponential ceases to decay",
+            "if is_null(cast(Expr, substitute(slope(exponent",
+            "if not is_null(cast(Expr, substitute(slope(exponent",
+        ),
+    ),
+    *mutants(
+        "teg/passes/normalise/cuts.py",
+        ("tests/passes/normalise/test_cuts.py",),
+        ("a quotient with a common factor", "p, q = _reduced(*cleared(argument))", "p, q = cleared(argument)"),
+    ),
+    *mutants(
+        "teg/passes/lower/vanishing.py",
+        ("tests/passes/lower/test_vanishing.py",),
+        ("factors that are the whole product", "if 0 < len(small) < len(e.children) and", "if small and"),
+    ),
+    *mutants(
         "teg/analysis/staircase.py",
         (STEPS,),
         (

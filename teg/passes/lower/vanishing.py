@@ -125,7 +125,7 @@ class Vanishing:
         """Returns the product of the factors of e that may vanish faster than others grow; None if there are none."""
         small = [f for f in e.children if stands_in(f, self._decays, self._fallen, formed_of)]
         others = [f for f in e.children if f not in small or len(small) > 1]
-        return mul(*small) if small and any(map(self._has_pole, others)) else None
+        return mul(*small) if 0 < len(small) < len(e.children) and any(map(self._has_pole, others)) else None
 
     def _decays(self, node: Expr) -> bool:
         """Returns whether a node is an exponential of what tends to -∞ at a pole."""

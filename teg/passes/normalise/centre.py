@@ -63,7 +63,8 @@ def _centred(node: Integral, keys: Keys) -> Expr:
     if not arguments or len(arguments) > (1 if alone else MAX_CENTRES):
         return node
     low, high, sign = _ascending(node.lo, node.hi)
-    centres = _sorted([_between(r, low, high) for a in arguments for r in a.roots], len(arguments) == 1)
+    centres = [_between(r, low, high) for a in arguments for r in a.roots]
+    centres = centres if len(arguments) == 1 else in_order(centres)
     splits = [mul(const(0.5), add(c, d)) for c, d in pairwise(centres)]
     by_key = {keys.of(a.g): a for a in arguments}
     body = _with_powers(node.body, by_key, keys)
@@ -206,10 +207,8 @@ def _between(point: Expr, low: Expr, high: Expr) -> Expr:
     return point if _is_infinite(low) else call("max", low, point)
 
 
-def _sorted(points: list[Expr], ascending: bool) -> list[Expr]:
-    """Returns the points in ascending order."""
-    if ascending:
-        return points
+def in_order(points: Sequence[Expr]) -> list[Expr]:
+    """Returns points in ascending order."""
     points = list(points)
     for last in range(len(points) - 1, 0, -1):
         for i in range(last):

@@ -22,7 +22,7 @@ from typing import cast
 from teg.analysis.polynomial import Shadow
 from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Call, Compare, Cond, Const, Expr, HalfAngle, Mul, Param, Pow, const, has_cut
 from teg.ir.node import Node, postorder
-from teg.ir.simplify import add, call, conjunction, disjunction, div, half_angle, mul, negation, positive, sub, where
+from teg.ir.simplify import add, call, conjunction, disjunction, div, half_angle, integer_power, mul, negation, positive, sub, where
 from teg.ir.traverse import formed_of, parameters, rebuild, stands_in
 from teg.passes.normalise.denominators import cleared, has_variable_denominator, tangents_as_quotients
 from teg.passes.normalise.quotients import with_whole_branches
@@ -144,7 +144,7 @@ def _limited(e: Call, in_condition: bool) -> Expr:
     argument = tangents_as_quotients(e.children[0])
     if not has_variable_denominator(argument):
         return e
-    p, q = cleared(argument)
+    p, q = _reduced(*cleared(argument))
     if not q.free or not (in_condition or parameters(q)) or _is_even(q):
         return e
     above = positive(q)
@@ -152,6 +152,22 @@ def _limited(e: Call, in_condition: bool) -> Expr:
         return where(above, half_angle(p, q), half_angle(mul(MINUS_ONE, p), mul(MINUS_ONE, q)))
     size = call("magnitude", q)
     return where(above, call(e.name, div(p, size)), call(e.name, div(mul(MINUS_ONE, p), size)))
+
+
+def _reduced(p: Expr, q: Expr) -> tuple[Expr, Expr]:
+    """Returns a quotient without the factors that both have: u/u² jumps where u is 0, although u² has one sign."""
+    below = dict(_factor(f) for f in (q.children if isinstance(q, Mul) else (q,)))
+    above = dict(_factor(f) for f in (p.children if isinstance(p, Mul) else (p,)))
+    both = {base: min(k, below[base]) for base, k in above.items() if base.free and k > 0 and below.get(base, 0) > 0}
+    if not both:
+        return p, q
+    rest = (mul(*(integer_power(base, k - both.get(base, 0)) for base, k in part.items())) for part in (above, below))
+    return next(rest), next(rest)
+
+
+def _factor(e: Expr) -> tuple[Expr, int]:
+    """Returns the base and the exponent of a factor."""
+    return (e.base, e.exponent) if isinstance(e, Pow) else (e, 1)
 
 
 def _is_even(q: Expr) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import warnings
 
+import mpmath
 import numpy as np
 import pytest
 
@@ -231,3 +232,19 @@ def test_only_gaussians_that_fall_faster() -> None:
     assert taken(teg.integral(teg.exp(y), (y, 0, x**2))) is None
     assert taken(teg.cos(x)) is None
     assert Underflow(Extents(lambda: {x: (-1.0, 1.0)})).of(teg.ir.simplify.mul(small, teg.exp(a * x) + 1)) is None
+
+
+@pytest.mark.parametrize("backend", ["numpy", "c"])
+@pytest.mark.parametrize("name", ["a Fermi function", "its logarithm", "of a square"])
+def test_exponentials_of_a_pole_that_are_all_of_a_product(name: str, backend: str) -> None:
+    """exp(1/u)·(1 + exp(1/u))⁻² is made of factors that may vanish, and guards itself from nothing: RecursionError."""
+    e, slope = {
+        "a Fermi function": (1 / (1 + teg.exp(1 / (x + t))), lambda s: mpmath.exp(1 / s) / (s * (1 + mpmath.exp(1 / s))) ** 2),
+        "its logarithm": (teg.log(1 + teg.exp(1 / (x + t))), lambda s: -mpmath.exp(1 / s) / (s * s * (1 + mpmath.exp(1 / s)))),
+        "of a square": (
+            1 / (2 + teg.exp(1 / (x + t) ** 2)),
+            lambda s: 2 * mpmath.exp(1 / s**2) / (s**3 * (2 + mpmath.exp(1 / s**2)) ** 2),
+        ),
+    }[name]
+    found = teg.compile(teg.integral(e, (x, 0, 1)), [t], backend=backend).grad(t=0.37)["t"]
+    assert found == pytest.approx(float(mpmath.quad(lambda s: slope(s + mpmath.mpf("0.37")), [0, 1])), rel=1e-11)

@@ -261,3 +261,14 @@ def test_steps_of_an_angle_are_at_known_places() -> None:
     levels = {g for atom in atoms_of(e) for g in [atom.g] if not g.free}
     assert not levels
     assert size(e) < 300
+
+
+@pytest.mark.parametrize("backend", ["numpy", "c"])
+@pytest.mark.parametrize("k", [1, 3])
+@pytest.mark.parametrize("name", ["atan", "tanh", "erf"])
+def test_a_pole_of_even_order_over_one_of_odd_order_jumps(name: str, k: int, backend: str) -> None:
+    """u/u² is 1/u, and u/u⁴ is 1/u³: functions of them jump at u = 0, where the denominators have one sign."""
+    u, f = y - t, getattr(teg, name)
+    found = teg.compile(teg.integral(f(u / u ** (k + 1)), (y, 0, 1)), [t], backend=backend).grad(t=0.6)["t"]
+    g = {"atan": mpmath.atan, "tanh": mpmath.tanh, "erf": mpmath.erf}[name]
+    assert found == pytest.approx(float(g((-mpmath.mpf("0.6")) ** -k) - g(mpmath.mpf("0.4") ** -k)), rel=1e-12)
