@@ -289,6 +289,8 @@ CHAINS: dict[str, tuple[Callable[[teg.Expr, int], teg.Expr], Callable[[float, in
     ),
 }
 """A level of an expression by the one below, and its number at T, where a is 1."""
+DEEP = ("Gaussians", "exponentials and poles", "logistics")
+"""Chains whose levels are four or five nodes deep, where those of a polynomial are two: half as many are as deep. They take longest."""
 T = 0.4
 
 
@@ -303,9 +305,10 @@ def chain(name: str, levels: int) -> teg.Expr:
 def test_integrands_of_hundreds_of_levels(name: str) -> None:
     """The derivative by t is the integrand at t. No level is a call of Python's, and what two levels share is looked at once."""
     at = {"t": T, "a": 1.0} if "parameter" in name else {"t": T}
-    f = teg.compile(chain(name, 400), [teg.param("t")])
+    levels = 200 if name in DEEP else 400
+    f = teg.compile(chain(name, levels), [teg.param("t")])
     wanted = T
-    for k in range(400):
+    for k in range(levels):
         wanted = CHAINS[name][1](wanted, k)
     assert f.grad(at)["t"] == pytest.approx(wanted, rel=1e-12)
 
