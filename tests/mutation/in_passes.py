@@ -11,6 +11,15 @@ ADJOINTS = "tests/passes/intrinsics/test_adjoints.py"
 
 IN_PASSES: tuple[Mutant, ...] = (
     *mutants(
+        "teg/analysis/staircase.py",
+        ("tests/passes/normalise/test_cuts.py",),
+        (
+            "steps of an angle at known places",
+            "return add(fixed, const(-most)), add(fixed, const(most)), const(2.0 * most)",
+            "return extent",
+        ),
+    ),
+    *mutants(
         "teg/passes/differentiate/moving_poles.py",
         ("tests/passes/differentiate/test_moving_poles.py",),
         ("a least value that is no pole", "return pole if is_null(g) else None", "return pole"),
@@ -35,11 +44,6 @@ IN_PASSES: tuple[Mutant, ...] = (
     *mutants(
         "teg/analysis/staircase.py",
         (STEPS,),
-        (
-            "steps of an angle at known places",
-            "return add(fixed, const(-most)), add(fixed, const(most)), const(2.0 * most)",
-            "return extent",
-        ),
         ("last step of a staircase", "last = math.ceil(highest) - 1 if", "last = math.ceil(highest) - 2 if"),
         (
             "halves go to the even side",
