@@ -44,8 +44,10 @@ def signed_factors(g: Expr) -> tuple[float, list[Expr]]:
         elif isinstance(e, Call) and e.name in ("atan", "tanh", "sinh", "erf", "expm1") and e.free:
             stack.append(e.children[0])  # has its sign
         elif isinstance(e, Call) and e.name in ("sqrt", "root", "pow") and e.free:
-            stack.append(e.children[0])  # the same zeros, with a slope
-            factors.append(add(ex.ONE, e))  # no zeros, but NaN where it is undefined
+            under = e.children[0]
+            stack.append(under)  # the same zeros, with a slope
+            if e.name == "pow" or not (isinstance(under, Add) and _is_sum_of_squares(under)):
+                factors.append(add(ex.ONE, e))  # no zeros, but NaN where it is undefined
         elif isinstance(e, Pow) and e.free:
             continue  # an even power is positive except where it is 0, a set of measure 0
         elif not _is_positive(e):

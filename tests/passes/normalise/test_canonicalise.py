@@ -219,3 +219,14 @@ def test_two_lines_of_which_one_may_be_upright(slope: float) -> None:
 @pytest.mark.parametrize(("s", "expected"), [(0.0, 0.0), (2.0, 0.3), (-2.0, 0.3)])
 def test_a_parameter_that_is_a_factor_twice_may_be_0(s: float, expected: float) -> None:
     assert teg.evaluate(over(teg.bracket(a * (a * t - a * x) > 0)), {a: s, t: 0.3}) == pytest.approx(expected, abs=1e-15)
+
+
+def test_a_root_of_a_sum_of_squares_is_positive() -> None:
+    """As a denominator it has no sign of its own: the Hessian had point masses of two surfaces in one product, an AssertionError."""
+    as_quotient, as_product = (
+        teg.integral(teg.bracket(condition), (x, 0, 1), (y, 0, 1))
+        for condition in (teg.sin(x) / teg.sqrt(1 + y * y) < a, teg.sin(x) < a * teg.sqrt(1 + y * y))
+    )
+    assert surfaces(canonicalise(as_quotient)) == surfaces(canonicalise(as_product)) == ["a·√(y² + 1) - sin(x)"]
+    found, wanted = (teg.compile(e, [a], backend="numpy").hessian(a=0.56)["a", "a"] for e in (as_quotient, as_product))
+    assert found == pytest.approx(wanted, rel=1e-12)
