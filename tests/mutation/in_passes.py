@@ -24,7 +24,13 @@ IN_PASSES: tuple[Mutant, ...] = (
         ("tests/passes/differentiate/test_moving_poles.py",),
         ("a least value that is no pole", "return pole if is_null(g) else None", "return pole"),
         ("bounds of the distance from a pole", "tidy(sub(b, place)) for b", "tidy(add(b, place)) for b"),
-        ("poles of one product", "if len(poles) > MAX_POLES:", "if len(poles) > 1:"),
+        (
+            "places of poles",
+            "found.setdefault(keys.of(sub(node.var, pole[node.var])), pole)",
+            "found.setdefault(keys.of(pole[node.var]), pole)",
+        ),
+        ("parts outside of a range", 'return place if _is_infinite(lo) else call("max", lo, place)', "return place"),
+        ("poles of one product", "if len(poles) > MAX_POLES or", "if len(poles) > 1 or"),
         (
             "where an exponential ceases to decay",
             "if is_null(cast(Expr, substitute(slope(exponent",

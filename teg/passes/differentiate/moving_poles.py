@@ -22,12 +22,12 @@ from teg.analysis.extents import extent
 from teg.analysis.polynomial import Shadow, is_null
 from teg.analysis.roots import tidy
 from teg.analysis.singularities import Keys
-from teg.analysis.surfaces import binders_inside
+from teg.analysis.surfaces import binders_inside, ordered
 from teg.errors import NotDifferentiableError
 from teg.ir.expr import MINUS_ONE, ZERO, Add, Call, Const, Expr, Param, Pow, Var, const
 from teg.ir.integral import Integral, integral_over
 from teg.ir.node import Node, postorder
-from teg.ir.simplify import add, div, mul, sub
+from teg.ir.simplify import add, call, div, mul, sub
 from teg.ir.traverse import parameters, rewrite, size, substitute
 from teg.passes.normalise.centre import in_order
 
@@ -67,13 +67,19 @@ def _at_rest(node: Integral, wrt: Collection[Param | Var], keys: Keys) -> Expr:
 
 def _around(node: Integral, body: Expr, poles: Sequence[Pole]) -> Expr:
     """Returns the integral of a part of the integrand around its poles: of several, each as far as half-way to the next one."""
-    if len(poles) > MAX_POLES:
-        return integral_over(body, node.var, node.lo, node.hi)
     if len(poles) == 1:
         return _shifted(node, body, poles[0], node.lo, node.hi)
+    if len(poles) > MAX_POLES or ordered(node.lo, node.hi) <= 0:
+        return integral_over(body, node.var, node.lo, node.hi)
     places = in_order([pole[node.var] for pole in poles])
-    ends = [node.lo, *(mul(const(0.5), add(p, q)) for p, q in pairwise(places)), node.hi]
+    ends = [node.lo, *(_between(mul(const(0.5), add(p, q)), node.lo, node.hi) for p, q in pairwise(places)), node.hi]
     return add(*(_shifted(node, body, {node.var: place}, lo, hi) for place, (lo, hi) in zip(places, pairwise(ends), strict=True)))
+
+
+def _between(place: Expr, lo: Expr, hi: Expr) -> Expr:
+    """Returns a place, or the nearer end of a range: nothing is known of the integrand outside of it."""
+    place = place if _is_infinite(hi) else call("min", hi, place)
+    return place if _is_infinite(lo) else call("max", lo, place)
 
 
 def _shifted(node: Integral, body: Expr, pole: Pole, lo: Expr, hi: Expr) -> Expr:
@@ -102,10 +108,10 @@ def _poles(node: Integral, body: Expr, wrt: Collection[Param | Var], keys: Keys)
     for g in dict.fromkeys(g for n in postorder([body]) if (g := _argument(n)) is not None and node.var in g.free and g.free & inner):
         pole = _lowest(g, [*sorted(g.free & inner, key=lambda v: v.name), node.var])
         if pole is not None and any(not _symbols(place).isdisjoint(wrt) for place in pole.values()):
-            found.setdefault(keys.of(pole[node.var]), pole)
+            found.setdefault(keys.of(sub(node.var, pole[node.var])), pole)
     for place in _endless(body, node.var):
         if not _symbols(place).isdisjoint(wrt):
-            found.setdefault(keys.of(place), {node.var: place})
+            found.setdefault(keys.of(sub(node.var, place)), {node.var: place})
     return found
 
 

@@ -91,6 +91,27 @@ def test_poles_of_several_summands_and_of_one_product() -> None:
         assert found == pytest.approx((8 * near - far) / 12e-3, abs=1e-7)
 
 
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_poles_at_proportional_places(backend: str) -> None:
+    """The field of a plate at b, and at 2b or -b, is that of two poles: each has the derivative of one, times its speed."""
+    for factor in (2.0, -1.0):
+        e = teg.integral((y - b) / square + (y - factor * b) / ((x - a) ** 2 + (y - factor * b) ** 2), *ORDERS[0])
+        at = {"a": 0.37, "b": 0.3}
+        found = teg.compile(e, [a, b], backend=backend).grad(at)["b"]
+        assert found == pytest.approx(-angles(P, (0.7, 0.3)) - factor * angles(P, (1 - 0.3 * factor, 0.3 * factor)), rel=1e-11)
+
+
+def test_parts_of_a_range_stay_inside_of_it() -> None:
+    """Both poles are below the range, in which the logarithm has a value."""
+    other = (x - 0.67) ** 2 + (y - s) ** 2
+    e = teg.integral((y - b) / square * (x - 0.67) / other * teg.log(y), (x, 0, 1), (y, 0.25, 1))
+    at = {"a": 0.37, "b": -0.4, "s": -0.9}
+    f = teg.compile(e, [a, b, s], backend="c")
+    for name, found in f.grad(at).items():
+        far, near = (f({**at, name: at[name] + h}) - f({**at, name: at[name] - h}) for h in (2e-3, 1e-3))
+        assert found == pytest.approx((8 * near - far) / 12e-3, abs=1e-9)
+
+
 def test_poles_at_rest_are_left_alone() -> None:
     fixed = (x - 0.3) ** 2 + (y - 0.2) ** 2
     for g in (fixed, square + 0.1, (x - a) ** 2 - (y - b) ** 2, (x - a) ** 4 + (y - b) ** 4, (x - a) ** 2 + (x - b) ** 2):
