@@ -8,8 +8,7 @@ The text is printed by `c_print`, compiled and kept by `c_build`, called by `c_i
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Sequence
 from math import inf
 from typing import Any, cast
 
@@ -45,8 +44,8 @@ class CKernel:
         self.counted = counted
         self.dtype = dtype
         real, element = REALS[dtype]
-        self.source, load = _printed(program, counted, real, threads != 1)
-        self._call = Caller(load)
+        self.source, library = _built(program, counted, real, threads != 1)
+        self._call = Caller(library)
         self._noted = needs_context(program.body, counted)
         self._type, self._inputs, self._outputs = np.dtype(dtype), len(program.parameters), len(program.outputs)
         self._values: Any = element * (self._inputs + self._outputs)
@@ -105,15 +104,15 @@ def compile_c(program: Program, *, threads: int = 1, counted: bool = False, dtyp
     return CKernel(program, threads, counted, dtype)
 
 
-def _printed(program: Program, counted: bool, real: str, openmp: bool) -> tuple[str, Callable[[], ctypes.CDLL]]:
-    """Returns the text of a program, and what makes a library of it. Functions that it calls are texts of their own."""
+def _built(program: Program, counted: bool, real: str, openmp: bool) -> tuple[str, ctypes.CDLL]:
+    """Returns the text of a program and its library. Functions that it calls are texts of their own."""
     if not program.functions:
         text = print_kernel(program, counted=counted, real=real)
-        return text, partial(load_library, text, optimise=optimisation(text), openmp=openmp)
+        return text, load_library(text, optimise=optimisation(text), openmp=openmp)
     kernel, called = kernel_text(program, counted, real)
     functions, bound = function_units(program, called)
-    load = partial(load_linked, kernel, functions, bound, optimise=optimisation(kernel), openmp=openmp)
-    return "\n".join([kernel, *functions, bound]), load
+    library = load_linked(kernel, functions, bound, optimise=optimisation(kernel), openmp=openmp)
+    return "\n".join([kernel, *functions, bound]), library
 
 
 def optimisation(source: str) -> tuple[str, ...]:

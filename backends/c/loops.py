@@ -13,7 +13,6 @@ from __future__ import annotations
 import ctypes
 import re
 from collections.abc import Iterator, Sequence
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -74,7 +73,7 @@ class CArrayKernel:
         self.program = program
         self.threads = threads
         self.source = print_arrays(program)
-        self._call = Caller(partial(load_library, self.source, optimise=optimisation(self.source), openmp=threads != 1))
+        self._call = Caller(load_library(self.source, optimise=optimisation(self.source), openmp=threads != 1))
 
     def __reduce__(self) -> tuple[object, ...]:
         return (CArrayKernel, (self.program, self.threads))

@@ -13,11 +13,10 @@ from __future__ import annotations
 import ctypes
 import os
 import threading
-from collections.abc import Callable
 from functools import cache
 from typing import Any, NamedTuple
 
-from teg.backends.c.build import find_compiler, load_library
+from teg.backends.c.build import load_library
 
 MEMORY, STOPPED = -1, -2
 """What a call returns if it failed, instead of a note."""
@@ -135,60 +134,31 @@ class Addresses(NamedTuple):
     notes: int | None
 
 
-_POINTER = ctypes.c_void_p
-_BATCH = ctypes.PYFUNCTYPE(ctypes.c_int, _POINTER, _POINTER, ctypes.c_long, *[_POINTER] * 5, ctypes.c_int, ctypes.c_int)
-_ONCE = ctypes.PYFUNCTYPE(ctypes.c_long, *[_POINTER] * 3, *[ctypes.c_int] * 4)
-
-
-class _Entries(NamedTuple):
-    """How a loaded kernel is called, with which addresses, and what must stay loaded for it."""
-
-    batch: Callable[..., int]
-    once: Callable[..., int]
-    python: ctypes.c_void_p
-    kernel: ctypes.c_void_p
-    kept: tuple[Any, ...]
-
-
 class Caller:
-    """The two ways to call a kernel of a library, which exports it as `name`_watched.
+    """The two ways to call a kernel of a library, which exports it as `name`_watched."""
 
-    The library is loaded, and compiled if need be, for the first call: the kernel of a value is not, if only derivatives are asked for.
-    Raises CompilerError at once if there is no compiler.
-    """
-
-    def __init__(self, load: Callable[[], ctypes.CDLL], name: str = "teg_kernel") -> None:
-        find_compiler()
-        self._load, self._name = load, name
-        self._ready: _Entries | None = None
-        self._lock = threading.Lock()
-
-    @property
-    def address(self) -> int:
-        """The address of the kernel in this process."""
-        return (self._ready or self._loaded()).kernel.value or 0
-
-    def _loaded(self) -> _Entries:
-        """Returns the entries of the library, of which threads that start together make one."""
-        with self._lock:
-            if self._ready is None:
-                library, (callers, python) = self._load(), _library()
-                given = ctypes.c_void_p(ctypes.addressof(python)), ctypes.cast(getattr(library, f"{self._name}_watched"), ctypes.c_void_p)
-                self._ready = _Entries(_BATCH(("teg_call", callers)), _ONCE(("teg_call_once", callers)), *given, (library, callers, python))
-        return self._ready
+    def __init__(self, library: ctypes.CDLL, name: str = "teg_kernel") -> None:
+        callers, python = _library()
+        self._kept = library, python  # they stay where they are: threads that start together do not share what is cached
+        kernel = ctypes.cast(getattr(library, f"{name}_watched"), ctypes.c_void_p)
+        self.address = kernel.value or 0
+        address = ctypes.c_void_p(ctypes.addressof(python))
+        pointer = ctypes.c_void_p
+        batch = ctypes.PYFUNCTYPE(ctypes.c_int, pointer, pointer, ctypes.c_long, *[pointer] * 5, ctypes.c_int, ctypes.c_int)
+        once = ctypes.PYFUNCTYPE(ctypes.c_long, *[pointer] * 3, *[ctypes.c_int] * 4)
+        self._batch, self._once = batch(("teg_call", callers)), once(("teg_call_once", callers))
+        self._given = address, kernel
 
     def batch(self, n: int, places: Addresses, threads: int) -> int:
         """Run it on a batch of n; returns its status. Raises what a handler of a signal raised."""
         team = 1 if _Teams.lost else threads
         _Teams.used |= team > 1
-        ready = self._ready or self._loaded()
-        status: int = ready.batch(ready.python, ready.kernel, n, *places, team, _is_main())
+        status: int = self._batch(*self._given, n, *places, team, _is_main())
         return status
 
     def once(self, values: ctypes.Array[Any], inputs: int, outputs: int) -> int:
         """Run it at one point, the parameters and places for the outputs in one array; returns the note, MEMORY or STOPPED."""
-        ready = self._ready or self._loaded()
-        note: int = ready.once(ready.python, ready.kernel, values, inputs, outputs, ctypes.sizeof(values._type_), _is_main())
+        note: int = self._once(*self._given, values, inputs, outputs, ctypes.sizeof(values._type_), _is_main())
         return note
 
 

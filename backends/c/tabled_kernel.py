@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-from functools import partial
 
 import numpy as np
 
@@ -21,7 +20,7 @@ class CTabledKernel(CKernel):
         self.tabled, self.program = tabled, tabled  # type: ignore[assignment]
         self.threads, self.counted, self.dtype = threads, False, "float64"
         self.source = print_arrays(tabled.program, tabled=tabled)
-        self._call = Caller(partial(load_library, self.source, optimise=optimisation(self.source), openmp=threads != 1))
+        self._call = Caller(load_library(self.source, optimise=optimisation(self.source), openmp=threads != 1))
         self._noted = True
         self._type, self._inputs, self._outputs = np.dtype("float64"), len(tabled.parameters), tabled.outputs
         self._values = ctypes.c_double * (self._inputs + self._outputs)

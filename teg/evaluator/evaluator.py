@@ -104,7 +104,7 @@ class Evaluator:
         self._kernels: Kernels | None = None  # kernels for any lengths of arrays
         try:
             self._kernels = self._compiled(self._program)
-            self._kernels.kernel_of(VALUE)
+            self._kernels.prepare(VALUE)
         except NeedsLengths:
             self._kernels = None
 
@@ -396,8 +396,11 @@ class Evaluator:
         made = self._kernels or self._made.first()
         if made is None:
             return "nothing yet: this program is compiled for the shapes of its arrays, when it is first called"
-        made.kernel_of(GRADIENT)
-        return made.kernel_of(GRADIENT).source if self._loops else "\n".join(made.sources)
+        if self._loops:
+            return made.kernel_of(GRADIENT).source
+        for wanted in (VALUE, GRADIENT):
+            made.kernel_of(wanted)
+        return "\n".join(made.sources)
 
     def __repr__(self) -> str:
         return f"<teg.Evaluator({', '.join(self.parameters)}) of {shortened(str(self.expression), SHOWN)} on {self._options.backend}>"

@@ -66,6 +66,15 @@ class Kernels:
         """Returns the compiled program."""
         return self._kernels.get(key, lambda: self._made(key))
 
+    def prepare(self, wanted: Wanted) -> None:
+        """Derives the program of what is wanted, which raises whatever is wrong with it. It is compiled when it is first called: where only
+        derivatives are asked for, the value needs no kernel. Raises CompilerError if there is no compiler for it."""
+        self._program(Key(wanted))
+        if self.plan.options.backend == "c":
+            from teg.backends.c.build import find_compiler
+
+            find_compiler()
+
     def _made(self, key: Key) -> Kernel:
         program = self._program(key)
         dtype = "float64" if key.errors or key.counted else self.plan.options.dtype

@@ -135,7 +135,8 @@ def several(functions: list[Function]) -> Expr:
 
 def load(f: teg.Evaluator) -> None:
     """Compiles the kernels of value and gradient, which are compiled when they are called."""
-    assert all(f.kernel(order).address for order in (0, 1))
+    for order in (0, 1):
+        f.kernel(order)
 
 
 @needs_compiler
@@ -159,10 +160,10 @@ def test_swapping_one_of_several_shaders_does_only_that_shader(n: int, work: Cou
 
 def test_swapping_costs_no_printing_of_the_rest(work: Counter[str]) -> None:
     first = teg.compile(several(shaders(10)), [t, a, k])
-    first.kernel(1)
+    load(first)
     once = Counter(work)
     second = teg.compile(several(shaders(10, swapped=0)), [t, a, k])
-    second.kernel(1)
+    load(second)
     assert (work["derived"], work["scheduled"], work["printed"]) == (once["derived"], once["scheduled"], once["printed"]) == (2, 2, 2)
     assert work["bodies printed"] - once["bodies printed"] == once["bodies printed"] // 10
 
@@ -172,7 +173,7 @@ def test_work_grows_with_what_is_new(work: Counter[str]) -> None:
     kept = []
     for _, e, wrt in shaded_brackets(90, 4):
         kept.append(teg.compile(e, wrt))
-        kept[-1].kernel(1)
+        load(kept[-1])
     assert (work["derived"], work["scheduled"], work["printed"]) == (2, 2, 2)
 
 

@@ -20,7 +20,7 @@ import teg
 from teg.backends.c import build as c_build
 from teg.backends.c import kernel as c_kernel
 from teg.backends.c.kernel import optimisation
-from teg.errors import OptionError, ParameterError
+from teg.errors import CompilerError, OptionError, ParameterError
 from tests.backends.c_checks import in_c
 from tests.bench import scenes
 
@@ -276,3 +276,26 @@ def test_results_are_right_whatever_the_flags(flags: tuple[str, ...], monkeypatc
     assert found[0] == pytest.approx(wanted[0], rel=1e-13)
     assert found[1] == pytest.approx(wanted[1], rel=1e-12)
     assert ctypes.sizeof(ctypes.c_double) == 8
+
+
+# When kernels are compiled
+
+
+def test_a_kernel_is_compiled_when_it_is_first_called(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TEG_CACHE_DIR", str(tmp_path))
+    f = teg.compile(AREA, [t, a], backend="c")
+    assert not [*tmp_path.glob("*/*.so")]
+    f.grad(t=0.3, a=0.5)
+    first = {*tmp_path.glob("*/*.so")}
+    assert len(first) == 1
+    f(t=0.3, a=0.5)
+    assert {*tmp_path.glob("*/*.so")} > first
+
+
+def test_a_missing_compiler_is_told_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    def missing() -> tuple[str, ...]:
+        raise CompilerError("no C compiler", "cc")
+
+    monkeypatch.setattr(c_build, "find_compiler", missing)
+    with pytest.raises(CompilerError, match="no C compiler"):
+        teg.compile(AREA, [t, a], backend="c")

@@ -13,11 +13,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import teg
 from teg.backends.c import build as c_build
 from teg.backends.c import frame as c_frame
 from teg.backends.c import routines as c_routines
-from teg.backends.c import signals as c_signals
 from teg.backends.c.kernel import CKernel, compile_c, print_kernel
 from teg.backends.c.text import literal
 from teg.backends.numpy.kernel import compile_numpy
@@ -400,24 +398,3 @@ def test_text_compiles_without_warnings(case: Case, tmp_path: Path) -> None:
     (tmp_path / "kernel.c").write_text(print_kernel(case.program))
     flags = ["-std=c99", "-O1", "-Wall", "-Wextra", "-Werror", "-pedantic", "-fopenmp"]
     subprocess.run([*c_build.find_compiler(), *flags, "-c", "kernel.c"], cwd=tmp_path, check=True)
-
-
-def test_a_kernel_is_compiled_when_it_is_first_called(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("TEG_CACHE_DIR", str(tmp_path))
-    x, t = teg.var("x"), teg.param("t")
-    f = teg.compile(teg.integral(teg.bracket(x < t) * teg.exp(7 * x), (x, 0, 1)), [t], backend="c")
-    assert not [*tmp_path.glob("*/*.c")]
-    f.grad(t=0.3)
-    first = {*tmp_path.glob("*/*")}
-    assert first
-    f(t=0.3)
-    assert {*tmp_path.glob("*/*")} > first
-
-
-def test_a_missing_compiler_is_told_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    def missing() -> tuple[str, ...]:
-        raise CompilerError("no C compiler", "cc")
-
-    monkeypatch.setattr(c_signals, "find_compiler", missing)
-    with pytest.raises(CompilerError, match="no C compiler"):
-        compile_c(square())

@@ -216,7 +216,6 @@ def test_kernels_made_by_threads_that_start_together(monkeypatch: pytest.MonkeyP
 
     monkeypatch.setattr(signals, "_library", uncached)
     kernel = compile_c(TWO_VARIABLES[0].program)
-    assert kernel.address
     gc.collect()
     assert own
     assert all(functions() is not None for functions in own)
