@@ -17,16 +17,22 @@ Linear.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import cast
 
+from teg.analysis.calculus import slope
+from teg.analysis.coincidence import ZeroSet
+from teg.analysis.expanded import perfect_power
 from teg.analysis.polynomial import Shadow
-from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Call, Compare, Cond, Const, Expr, HalfAngle, Mul, Param, Pow, const, has_cut
+from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Call, Compare, Cond, Const, Expr, HalfAngle, Mul, Param, Pow, Var, const, has_cut
 from teg.ir.node import Node, postorder
 from teg.ir.simplify import add, call, conjunction, disjunction, div, half_angle, integer_power, mul, negation, positive, sub, where
-from teg.ir.traverse import formed_of, parameters, rebuild, stands_in
+from teg.ir.traverse import formed_of, parameters, rebuild, stands_in, substitute
 from teg.passes.normalise.denominators import cleared, has_variable_denominator, tangents_as_quotients
 from teg.passes.normalise.quotients import with_whole_branches
 
+MAX_DEGREE = 8
+"""The largest degree of polynomials that are divided."""
 LIMITED = ("atan", "exp", "expm1", "tanh", "erf", "erfc")
 """Functions with limits at both infinities, of which one is finite at least."""
 
@@ -155,19 +161,50 @@ def _limited(e: Call, in_condition: bool) -> Expr:
 
 
 def _reduced(p: Expr, q: Expr) -> tuple[Expr, Expr]:
-    """Returns a quotient without the factors that both have: u/u² jumps where u is 0, although u² has one sign."""
-    below = dict(_factor(f) for f in (q.children if isinstance(q, Mul) else (q,)))
-    above = dict(_factor(f) for f in (p.children if isinstance(p, Mul) else (p,)))
-    both = {base: min(k, below[base]) for base, k in above.items() if base.free and k > 0 and below.get(base, 0) > 0}
-    if not both:
-        return p, q
-    rest = (mul(*(integer_power(base, k - both.get(base, 0)) for base, k in part.items())) for part in (above, below))
-    return next(rest), next(rest)
+    """Returns a quotient without the factors that are linear in a variable and divide both: u/u² jumps where u is 0, although u² has one
+    sign."""
+    below: list[Expr] = []
+    for factor in q.children if isinstance(q, Mul) else (q,):
+        power = perfect_power(factor) if isinstance(factor, Add) else None
+        if power is not None:
+            factor = mul(const(float(power[0])), integer_power(power[1], power[2]))
+        for f in factor.children if isinstance(factor, Mul) else (factor,):
+            base, k = (f.base, f.exponent) if isinstance(f, Pow) else (f, 1)
+            while k > 0 and (quotient := _divided(p, base)) is not None:
+                p, k = quotient, k - 1
+            below.append(integer_power(base, k))
+    return p, mul(*below)
 
 
-def _factor(e: Expr) -> tuple[Expr, int]:
-    """Returns the base and the exponent of a factor."""
-    return (e.base, e.exponent) if isinstance(e, Pow) else (e, 1)
+def _divided(e: Expr, by: Expr) -> Expr | None:
+    """Returns e/u of a product with a polynomial that is 0 where u is, for a u that is linear in a variable; None for others."""
+    variables = [v for v in sorted(by.free, key=lambda v: v.name) if Shadow((v,)).degree(by) == 1]
+    if not variables:
+        return None
+    factors: Sequence[Expr] = [e.base] * e.exponent if isinstance(e, Pow) and e.exponent > 0 else e.children if isinstance(e, Mul) else [e]
+    for i, f in enumerate(factors):
+        if isinstance(f, Pow | Mul) and (inner := _divided(f, by)) is not None:
+            return mul(*factors[:i], inner, *factors[i + 1 :])
+        degree = Shadow((variables[0],)).degree(f)
+        if degree and degree <= MAX_DEGREE and ZeroSet(by).annuls(f):
+            return mul(*factors[:i], _quotient(f, by, variables[0], degree), *factors[i + 1 :])
+    return None
+
+
+def _quotient(e: Expr, by: Expr, v: Var, degree: int) -> Expr:
+    """Returns the polynomial e/u of degree - 1 in v, by Horner's rule at the root of u."""
+    rate = slope(by, v)
+    root = mul(MINUS_ONE, div(cast(Expr, substitute(by, {v: ZERO})), rate))
+    coefficients: list[Expr] = []
+    for i in range(degree + 1):
+        coefficients.append(mul(const(1.0 / math.factorial(i)), cast(Expr, substitute(e, {v: ZERO}))))
+        e = slope(e, v)
+    value: Expr = ZERO
+    quotient: Expr = ZERO
+    for i in range(degree, 0, -1):
+        value = add(coefficients[i], mul(root, value))
+        quotient = add(quotient, mul(value, integer_power(v, i - 1)))
+    return div(quotient, rate)
 
 
 def _is_even(q: Expr) -> bool:

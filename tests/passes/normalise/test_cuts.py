@@ -272,3 +272,28 @@ def test_a_pole_of_even_order_over_one_of_odd_order_jumps(name: str, k: int, bac
     found = teg.compile(teg.integral(f(u / u ** (k + 1)), (y, 0, 1)), [t], backend=backend).grad(t=0.6)["t"]
     g = {"atan": mpmath.atan, "tanh": mpmath.tanh, "erf": mpmath.erf}[name]
     assert found == pytest.approx(float(g((-mpmath.mpf("0.6")) ** -k) - g(mpmath.mpf("0.4") ** -k)), rel=1e-12)
+
+
+OVER = {
+    "a multiple": ((2 * y - 2 * t) / (y - t) ** 2, lambda u, p: 2 / u),
+    "a negative": ((t - y) / (y - t) ** 2, lambda u, p: -1 / u),
+    "a square written out": ((y - t) / (y * y - 2 * y * t + t * t), lambda u, p: 1 / u),
+    "a quadratic": ((y * y - t * t) / (y - t) ** 2, lambda u, p: 1 + 2 * p / u),
+    "a rate of parameters": ((a * y - a * t) / (y - t) ** 2, lambda u, p: mpmath.mpf("0.3") / u),
+    "odd over odd": ((y - t) / (y - t) ** 3, lambda u, p: 1 / u**2),
+    "beside a function": ((y - t) * teg.exp(y) / (y - t) ** 2, lambda u, p: mpmath.exp(u + p) / u),
+    "no common root": ((y + t) / (y - t) ** 2, lambda u, p: (u + 2 * p) / u**2),
+}
+"""Quotients with a pole at y = t, and what they are in u = y - t."""
+
+
+@pytest.mark.parametrize("backend", ["numpy", "c"])
+@pytest.mark.parametrize("name", OVER)
+def test_quotients_with_a_common_root(name: str, backend: str) -> None:
+    e, quotient = OVER[name]
+    found = teg.compile(teg.integral(teg.tanh(e), (y, 0, 1)), [t, a], backend=backend).grad(t=0.6, a=0.3)["t"]
+
+    def integral(p: Number) -> Number:
+        return mpmath.quad(lambda u: mpmath.tanh(quotient(u, p)), [-p, 0, 1 - p])
+
+    assert found == pytest.approx(float(mpmath.diff(integral, mpmath.mpf("0.6"))), rel=1e-7)
