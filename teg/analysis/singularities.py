@@ -31,7 +31,7 @@ from teg.analysis.extents import Extent, extent
 from teg.analysis.nest import Binder, Chain
 from teg.analysis.polynomial import Point, Shadow
 from teg.errors import NotDifferentiableError
-from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Call, Compare, Const, Expr, Mul, Param, Pow, Var, Where, const
+from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Call, Compare, Const, Expr, Mul, Param, Pow, Var, Where, const, is_infinite
 from teg.ir.integral import Integral
 from teg.ir.node import Node, postorder
 from teg.ir.simplify import add, integer_power, mul, sub
@@ -303,11 +303,7 @@ def numeric_box(chain: Chain) -> dict[Var, Extent]:
 
 
 def _at(e: Expr, var: Var, bound: Expr) -> Expr:
-    return cast(Expr, substitute(e, {var: bound})) if not _is_infinite(bound) else ONE
-
-
-def _is_infinite(bound: Expr) -> bool:
-    return isinstance(bound, Const) and math.isinf(bound.data)
+    return cast(Expr, substitute(e, {var: bound})) if not is_infinite(bound) else ONE
 
 
 # -- the field -----------------------------------------------------------------------------------------------------------
@@ -356,7 +352,7 @@ def _metric(b: Binder, inside: Chain, velocity: Field) -> Expr:
     keys = velocity.keys
     factors: list[Expr] = []
     for bound in (b.lo, b.hi):
-        if _is_infinite(bound):
+        if is_infinite(bound):
             continue
         empty = any(keys.vanishes(_at(sub(c.hi, c.lo), b.var, bound)) for c in inside)
         if empty or any(s.moves and b.var in s.slopes and keys.vanishes(_at(s.g, b.var, bound)) for s in velocity.surfaces):
@@ -364,7 +360,7 @@ def _metric(b: Binder, inside: Chain, velocity: Field) -> Expr:
             continue
         factors.append(_distance(b.var, bound, velocity))
     squares = [integer_power(f, 2) for f in factors]
-    if _is_infinite(b.lo) or _is_infinite(b.hi):
+    if is_infinite(b.lo) or is_infinite(b.hi):
         return mul(*squares, *(integer_power(add(ONE, s), -1) for s in squares))
     size = sub(b.hi, b.lo)
     if len(factors) == 2:

@@ -426,6 +426,11 @@ def const(value: float) -> Const:
     return Const.make(float(value) + 0.0, ()) if shared is None else shared
 
 
+def is_infinite(e: Expr) -> bool:
+    """Returns whether an expression is the number ∞ or -∞, as a bound may be."""
+    return isinstance(e, Const) and math.isinf(e.data)
+
+
 ZERO, ONE, MINUS_ONE = (Const.make(value, ()) for value in (0.0, 1.0, -1.0))
 _UNITS = {0.0: ZERO, 1.0: ONE, -1.0: MINUS_ONE}  # -0.0 is 0.0 as well
 TRUE, FALSE = Truth.make(True, ()), Truth.make(False, ())

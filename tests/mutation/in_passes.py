@@ -24,18 +24,10 @@ IN_PASSES: tuple[Mutant, ...] = (
         ("tests/passes/differentiate/test_moving_poles.py",),
         ("a least value that is no pole", "return pole if is_null(g) else None", "return pole"),
         ("bounds of the distance from a pole", "tidy(sub(b, place)) for b", "tidy(add(b, place)) for b"),
-        (
-            "places of poles",
-            "found.setdefault(keys.of(sub(node.var, pole[node.var])), pole)",
-            "found.setdefault(keys.of(pole[node.var]), pole)",
-        ),
-        ("parts outside of a range", 'return place if _is_infinite(lo) else call("max", lo, place)', "return place"),
+        ("places of poles", "return {self._keys.of(sub(x, pole[x])): pole", "return {self._keys.of(pole[x]): pole"),
+        ("parts outside of a range", "between(mul(const(0.5), add(p, q)), node.lo, node.hi)", "mul(const(0.5), add(p, q))"),
         ("poles of one product", "if len(poles) > MAX_POLES or", "if len(poles) > 1 or"),
-        (
-            "where an exponential ceases to decay",
-            "if is_null(cast(Expr, substitute(slope(exponent",
-            "if not is_null(cast(Expr, substitute(slope(exponent",
-        ),
+        ("where an exponential ceases to decay", "if is_null(cast(Expr, substitute(rate", "if not is_null(cast(Expr, substitute(rate"),
     ),
     *mutants(
         "teg/passes/normalise/cuts.py",

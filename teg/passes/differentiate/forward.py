@@ -36,7 +36,7 @@ from teg.analysis.surfaces import bound_surface, open_surfaces, owned_surfaces, 
 from teg.errors import DeltaError
 from teg.ir import expr as ex
 from teg.ir import simplify
-from teg.ir.expr import MINUS_ONE, ZERO, Add, Call, Cond, Const, Expr, Mul, Param, Pow, Tuple, Var, Where, const
+from teg.ir.expr import MINUS_ONE, ZERO, Add, Call, Cond, Const, Expr, Mul, Param, Pow, Tuple, Var, Where, const, is_infinite
 from teg.ir.integral import Delta, Integral, delta, integral_over
 from teg.ir.node import Node
 from teg.ir.simplify import add, call, conjunction, integer_power, mul, negation, positive, sub, where
@@ -324,7 +324,7 @@ def _transported(chain: Chain, weight: Expr, d: Delta, direction: Direction) -> 
     for i, b in enumerate(chain):
         for bound, sign in ((b.hi, ex.ONE), (b.lo, MINUS_ONE)):
             rate = sub(tangent_of(bound, along), along.get(b.var, ZERO))
-            if rate is ZERO or _is_infinite(bound) or not substitute(g, {b.var: bound}).free:
+            if rate is ZERO or is_infinite(bound) or not substitute(g, {b.var: bound}).free:
                 continue  # nothing comes in from infinity
             inner = nest(mul(sign, rate, weight, d), chain[i + 1 :])
             terms.append(nest(restrict(inner, {b.var: bound}, bound_surface(b.var, bound), (b.var,)), chain[:i]))
@@ -337,7 +337,3 @@ def _steps(weight: Expr, velocity: Mapping[Var, Expr], along: Direction, still: 
     surfaces = dict.fromkeys(h for e in (weight, *velocity.values()) for h in open_surfaces(e) if not still(h))
     rates = {h: _tangents(h, along)[h] for h in surfaces}
     return [mul(jump, delta(h)) for h, rate in rates.items() for _, jump in surface_terms(mul(weight, rate), [h])]
-
-
-def _is_infinite(bound: Expr) -> bool:
-    return isinstance(bound, Const) and math.isinf(bound.data)

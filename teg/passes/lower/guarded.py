@@ -9,7 +9,6 @@ breaks, the sharp value is one of the outer variable alone: a ridge that leaves 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -23,7 +22,7 @@ from teg.analysis.sharp import LARGEST, Sharp, bounds, numeric_range, range_of, 
 from teg.analysis.singularities import Keys, factors_of
 from teg.analysis.surfaces import binders_inside
 from teg.analysis.tails import is_unbounded
-from teg.ir.expr import ZERO, Compare, Const, Expr, Pow, Var, Where, const
+from teg.ir.expr import ZERO, Compare, Expr, Pow, Var, Where, const, is_infinite
 from teg.ir.integral import Integral, outermost_integrals
 from teg.ir.node import Node, postorder
 from teg.ir.simplify import call, mul, positive, sub, where
@@ -178,7 +177,7 @@ class Guards:
         known = self.analysis.of(inner)
         breaks = [] if _has_pole_on(peak.node, inner.var, known.handled) else [b.then if isinstance(b, Where) else b for b in known.points]
         for end in [inner.lo, inner.hi, *(_within(b, inner) for b in breaks)][:MAX_FACES]:
-            if not _is_infinite(end):
+            if not is_infinite(end):
                 node = cast(Expr, substitute(peak.node, {inner.var: end}))
                 sharp = sharp_value(node, x, self.degrees, 2) if x in node.free else None
                 if sharp is not None and not sharp.wave:
@@ -188,15 +187,11 @@ class Guards:
 def _within(point: Expr, inner: Integral) -> Expr:
     """Returns the place in the range of an integral that is nearest to a point: beyond the ends an integrand may grow without bounds."""
     low, high = inner.lo, inner.hi
-    if _is_infinite(high):
-        return point if _is_infinite(low) else call("max", point, low)
-    if _is_infinite(low):
+    if is_infinite(high):
+        return point if is_infinite(low) else call("max", point, low)
+    if is_infinite(low):
         return call("min", point, high)
     return call("min", call("max", point, call("min", low, high)), call("max", low, high))  # a range may be turned around
-
-
-def _is_infinite(e: Expr) -> bool:
-    return isinstance(e, Const) and math.isinf(e.data)
 
 
 class _OnPiece:

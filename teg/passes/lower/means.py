@@ -21,7 +21,7 @@ from typing import NamedTuple, cast
 
 from teg.analysis.calculus import slope, value_children
 from teg.analysis.polynomial import Shadow
-from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Call, Const, Expr, Mul, Pow, Var, Where, const
+from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Call, Expr, Mul, Pow, Var, Where, const, is_infinite
 from teg.ir.function import Apply
 from teg.ir.integral import Integral, PointMasses
 from teg.ir.node import Node, postorder, postorder_through
@@ -100,16 +100,12 @@ def without_tails(group: Sequence[Integral]) -> tuple[Expr, Expr]:
     """Returns finite bounds of integrals of Gaussians over an infinite range, beyond which these are 0."""
     lo, hi = group[0].lo, group[0].hi
     gaussians = {g.exponent: g for i in group for g in cast(Means, mean_of(i.body, i.var)).gaussians or ()}.values()
-    if _is_infinite(lo):
+    if is_infinite(lo):
         ends = [g.end(-1.0) for g in gaussians]
-        lo = reduce(lambda a, b: call("min", a, b), ends if _is_infinite(hi) else [hi, *ends])
-    if _is_infinite(hi):
+        lo = reduce(lambda a, b: call("min", a, b), ends if is_infinite(hi) else [hi, *ends])
+    if is_infinite(hi):
         hi = reduce(lambda a, b: call("max", a, b), [lo, *(g.end(1.0) for g in gaussians)])
     return lo, hi
-
-
-def _is_infinite(bound: Expr) -> bool:
-    return isinstance(bound, Const) and math.isinf(bound.data)
 
 
 class _Means:

@@ -22,7 +22,7 @@ from teg.analysis.extents import extent
 from teg.analysis.polynomial import Shadow
 from teg.analysis.roots import Root, solve
 from teg.analysis.singularities import SMOOTH, Keys, order_at, sharp_nodes, singular_arguments
-from teg.ir.expr import MINUS_ONE, ONE, TRUE, ZERO, Add, Call, Compare, Cond, Const, Expr, Mul, Pow, Var, Where, const
+from teg.ir.expr import MINUS_ONE, ONE, TRUE, ZERO, Add, Call, Compare, Cond, Const, Expr, Mul, Pow, Var, Where, const, is_infinite
 from teg.ir.integral import Integral, integral_over, masses_of
 from teg.ir.node import Node, postorder
 from teg.ir.simplify import add, call, conjunction, disjunction, mul, positive, sub, where
@@ -63,7 +63,7 @@ def _centred(node: Integral, keys: Keys) -> Expr:
     if not arguments or len(arguments) > (1 if alone else MAX_CENTRES):
         return node
     low, high, sign = _ascending(node.lo, node.hi)
-    centres = [_between(r, low, high) for a in arguments for r in a.roots]
+    centres = [between(r, low, high) for a in arguments for r in a.roots]
     centres = centres if len(arguments) == 1 else in_order(centres)
     splits = [mul(const(0.5), add(c, d)) for c, d in pairwise(centres)]
     by_key = {keys.of(a.g): a for a in arguments}
@@ -139,7 +139,7 @@ def _arguments(node: Integral, keys: Keys) -> list[_Argument]:
         if pair is None:
             continue
         points, exists = pair
-        ends = [b for b in (node.lo, node.hi) if not _is_infinite(b) and keys.vanishes(cast(Expr, substitute(g, {x: b})))]
+        ends = [b for b in (node.lo, node.hi) if not is_infinite(b) and keys.vanishes(cast(Expr, substitute(g, {x: b})))]
         if len(points) != degree or points == [ZERO]:
             continue
         if len(ends) == degree:
@@ -191,20 +191,20 @@ def _ascending(lo: Expr, hi: Expr) -> tuple[Expr, Expr, Expr]:
     """Returns the bounds in ascending order, and the sign of the integral."""
     if isinstance(lo, Const) and isinstance(hi, Const):
         return (lo, hi, ONE) if lo.data <= hi.data else (hi, lo, MINUS_ONE)
-    if _is_infinite(lo) or _is_infinite(hi):
+    if is_infinite(lo) or is_infinite(hi):
         falls = any(isinstance(b, Const) and b.data == end for b, end in ((lo, math.inf), (hi, -math.inf)))
         return (hi, lo, MINUS_ONE) if falls else (lo, hi, ONE)
     rises = positive(sub(hi, lo), strict=False)
     return where(rises, lo, hi), where(rises, hi, lo), where(rises, ONE, MINUS_ONE)
 
 
-def _between(point: Expr, low: Expr, high: Expr) -> Expr:
+def between(point: Expr, low: Expr, high: Expr) -> Expr:
     """Returns a point, or the nearer end of the domain."""
     if point is low or point is high:
         return point
-    if not _is_infinite(high):
+    if not is_infinite(high):
         point = call("min", high, point)
-    return point if _is_infinite(low) else call("max", low, point)
+    return point if is_infinite(low) else call("max", low, point)
 
 
 def in_order(points: Sequence[Expr]) -> list[Expr]:
@@ -218,8 +218,4 @@ def in_order(points: Sequence[Expr]) -> list[Expr]:
 
 
 def _minus(bound: Expr, centre: Expr) -> Expr:
-    return bound if _is_infinite(bound) else sub(bound, centre)
-
-
-def _is_infinite(e: Expr) -> bool:
-    return isinstance(e, Const) and math.isinf(e.data)
+    return bound if is_infinite(bound) else sub(bound, centre)
