@@ -67,13 +67,16 @@ class Kernels:
         return self._kernels.get(key, lambda: self._made(key))
 
     def prepare(self, wanted: Wanted) -> None:
-        """Derives the program of what is wanted, which raises whatever is wrong with it. It is compiled when it is first called: where only
-        derivatives are asked for, the value needs no kernel. Raises CompilerError if there is no compiler for it."""
-        self._program(Key(wanted))
-        if self.plan.options.backend == "c":
-            from teg.backends.c.build import find_compiler
+        """Makes the program of what is wanted, and its kernel, which raises whatever is wrong with them. C is compiled when it is first
+        called, which takes longest: where only derivatives are asked for, the value needs no kernel. Raises CompilerError if there is no
+        compiler for it."""
+        if self.plan.options.backend != "c":
+            self.kernel_of(wanted)
+            return
+        from teg.backends.c.build import find_compiler
 
-            find_compiler()
+        self._program(Key(wanted))
+        find_compiler()
 
     def _made(self, key: Key) -> Kernel:
         program = self._program(key)

@@ -22,9 +22,8 @@ def test_derivations_and_compilations_are_logged(caplog: pytest.LogCaptureFixtur
         f = teg.compile(teg.integral(teg.bracket(x < t) * x, (x, 0, 1)), [t])
         f.grad(t=0.5)
         f.grad(t=0.25)
-        f(t=0.5)
     said = [record.getMessage().split(" in ")[0] for record in caplog.records]
-    assert said == ["derived value", "derived gradient", "compiled gradient for numpy", "compiled value for numpy"]
+    assert said == ["derived value", "compiled value for numpy", "derived gradient", "compiled gradient for numpy"]
     assert {record.levelno for record in caplog.records} == {logging.INFO}
     assert {record.name for record in caplog.records} == {"teg"}
 
