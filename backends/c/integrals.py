@@ -178,6 +178,7 @@ def _arrays_of(stmt: Integrate, frame: Frame, abreast: Abreast | None, most: int
         arrays += frame.array("plain", len(stmt.values) - stmt.tested) if len(stmt.values) > stmt.tested else []
         arrays += frame.array("whole", stmt.tested)
         arrays += frame.array("spent", stmt.tested)
+        arrays += frame.array("total", stmt.tested)
         arrays += frame.array("apart", 2 * stmt.tested) if stmt.rule.closed else []
     if stmt.guard is not None and isinstance(stmt.rule, Adaptive):
         arrays += frame.array("above", (MAX_DEPTH + 1) * stmt.tested)

@@ -155,7 +155,7 @@ def adaptive_piece(block: Sequence[str] | Nodes, rule: Adaptive, sums: Sums, pla
         *([f"const int neighbours = teg_neighbours(ends, {places.breaks}, pieces, p, q);"] if places.breaks else []),
         "teg_interval waiting[TEG_MAX_DEPTH + 2];",
         "waiting[0] = (teg_interval){0.0, 1.0, 0};",
-        *(f"teg_fill({total}, {tested}, 0.0);" for total in ("spent", "whole")),
+        *(f"teg_fill({total}, {tested}, 0.0);" for total in ("spent", "whole", "total")),
         "for (int n = 1, used = 1; n > 0; used++) {",
         *indent(
             "const teg_interval here = waiting[--n];",
@@ -185,7 +185,7 @@ def adaptive_piece(block: Sequence[str] | Nodes, rule: Adaptive, sums: Sums, pla
             *_taken(count, tested, sums.estimated),
         ),
         "}",
-        f"if (teg_overspent({tested}, spent, whole, {_tolerance(rule)})) ctx->missed = 1;",
+        f"if (teg_overspent({tested}, spent, whole, total, {_tolerance(rule)})) ctx->missed = 1;",
     ]
 
 
@@ -311,6 +311,7 @@ def _halved_or_accepted(rule: Adaptive, sums: Sums, whole: str, guarded: bool) -
         ),
         "}",
         ("if (!changed) " if watched else "") + _each(tested, "spent[j] += measured[8 * j + 1];"),
+        _each(tested, "total[j] += measured[8 * j];"),
         _each(tested, "if (isinf(measured[8 * j])) ctx->missed = 1;"),
     ]
 

@@ -22,7 +22,7 @@ from teg.backends.jax.while_loops import while_loop
 from teg.backends.shared import rules
 from teg.backends.shared.bends import POWER, Bends, place
 from teg.numerics.quadrature import decay_power, gauss_legendre, null_rules
-from teg.program import DEEP, DIVERGENT, END_INSIDE, MAX_DEPTH, MAX_INTERVALS, ROUNDING, SPENT, WATCH_WIDTH
+from teg.program import DEEP, DIVERGENT, END_INSIDE, MAX_DEPTH, MAX_INTERVALS, ROUNDING, WATCH_WIDTH
 
 END = 2**MAX_DEPTH
 """The coordinate u in (0, 1) of an adaptive interval is counted in units of 1/END."""
@@ -145,7 +145,7 @@ def _piece(how: _How, piece: OnPiece, _: Bends, active: Scalar) -> tuple[Any, No
         seen=jnp.full((nodes.width * nodes.turns, columns), jnp.nan),
     )
     end = while_loop(lambda at: at.start < END, partial(_turned, how, piece), beginning)
-    overspent = jnp.any(end.spent > SPENT * rules.tolerated(jnp, how.tolerance, end.whole, end.whole))
+    overspent = rules.overspent(jnp, how.tolerance, end.spent, end.whole, end.sums[: pieces.tested])
     return end.sums, end.note | where(active & overspent, MISSED)
 
 

@@ -13,9 +13,9 @@ from teg.backends.numpy.integrals import Integral
 from teg.backends.numpy.lanes import Array, Run, parts, scatter
 from teg.backends.numpy.pieces import Pieces
 from teg.backends.shared.bends import POWER, Bends
-from teg.backends.shared.rules import null_rule_error, placed, rounding, tolerated, unseen_at_ends
+from teg.backends.shared.rules import null_rule_error, overspent, placed, rounding, tolerated, unseen_at_ends
 from teg.numerics.quadrature import gauss_legendre, null_rules
-from teg.program import ABSOLUTE_FLOOR, DEEP, DIVERGENT, END_INSIDE, MAX_DEPTH, MAX_INTERVALS, ROUNDING, SPENT, WATCH_WIDTH
+from teg.program import ABSOLUTE_FLOOR, DEEP, DIVERGENT, END_INSIDE, MAX_DEPTH, MAX_INTERVALS, ROUNDING, WATCH_WIDTH
 
 
 def keep_largest(rows: Array, lane: Array, values: Array) -> None:
@@ -127,7 +127,7 @@ class AdaptiveIntegral(Integral):
                 estimate = error[:, done] + self._rounding(pieces, intervals, done) * size[:, done]
                 sums[self.values :] += scatter(estimate, piece[done], count)
             if not again.any():
-                run.missed |= bool((spent > SPENT * tolerated(np, (self.tol, self.floor), whole, whole)).any())
+                run.missed |= bool(overspent(np, (self.tol, self.floor), spent, whole, sums[: self.tested]))
                 return sums
             if first:
                 piece, left, above, first = piece[again], left[again], above[:, again], False

@@ -9,6 +9,8 @@ from teg.backends.shared.arrays import Arrays
 from teg.numerics.quadrature import decay_power, end_rule
 from teg.program import (
     AT_END,
+    CANCELLED,
+    CANCELS,
     EDGE,
     END_DECAY,
     END_INSIDE,
@@ -19,6 +21,7 @@ from teg.program import (
     PIECE_EPS,
     PLACED,
     ROUNDING,
+    SPENT,
     TIE_EPS,
     UNSEEN,
 )
@@ -129,6 +132,13 @@ def tolerated(xp: Any, tolerance: tuple[float, float], whole: Any, size: Any) ->
     a part of; the tolerance is a factor, and a floor of the integral."""
     tol, floor = tolerance
     return xp.maximum(tol * (whole + floor), ROUNDING * size)
+
+
+def overspent(xp: Any, tolerance: tuple[float, float], spent: Any, whole: Any, total: Any) -> Any:
+    """Returns whether the errors that were `spent` on a piece are too large together, for its integral of |values|, or for its integral,
+    where values cancel."""
+    cancelled = xp.maximum(CANCELLED * tolerance[0] * (xp.abs(total) + CANCELS), SPENT * ROUNDING * whole)
+    return xp.any(spent > xp.minimum(SPENT * tolerated(xp, tolerance, whole, whole), cancelled))
 
 
 def is_unseen(xp: Any, upper: Any, lower: Any, seen: Any, endless: Any) -> Any:

@@ -19,6 +19,7 @@ from teg.analysis.expanded import distance
 from teg.analysis.nest import Binder, Chain
 from teg.analysis.polynomial import Shadow
 from teg.analysis.singularities import Keys
+from teg.analysis.twins import as_twin
 from teg.errors import NotDifferentiableError
 from teg.ir import expr as ex
 from teg.ir import simplify
@@ -27,7 +28,7 @@ from teg.ir.integral import Integral
 from teg.ir.node import Node, digest, postorder, union
 from teg.ir.show import show
 from teg.ir.simplify import conjunction, disjunction, negation, positive, sub, where
-from teg.ir.traverse import fresh, substitute
+from teg.ir.traverse import fresh, rename_apart, substitute
 
 
 def atoms_of(root: Node, var: Var | None = None) -> list[Compare]:
@@ -151,7 +152,7 @@ def restrict(e: Expr, at: Mapping[Var, Expr], surface: Expr, directions: Sequenc
 
     `directions` are the variables along which tied surfaces are moved apart, innermost first.
     """
-    inner = _binders_outwards(e)
+    e, inner = _apart_from_twins(e, at, surface)
     zeros: list[ZeroSet] = []
 
     def is_annulled(other: Expr) -> bool:
@@ -160,8 +161,13 @@ def restrict(e: Expr, at: Mapping[Var, Expr], surface: Expr, directions: Sequenc
         return zeros[0].annuls(peeled(other, partial=True))
 
     def mark(old: Compare, g: Expr, resolution: Cond | None) -> Cond:
-        if resolution is not None or old.g is surface or not _may_coincide(old.g, inner):
+        if resolution is not None or old.g is surface:
             return positive(g, old.strict, resolution, old.rivals)
+        twin = as_twin(old.g, surface, inner, (_tie_name(surface), _tie_name(old.g)))
+        if twin is not None:
+            return cast(Cond, substitute(twin, at))
+        if not _may_coincide(old.g, inner):
+            return positive(g, old.strict)
         rising = _leading_sign(old.g, (*inner, *directions), at)
         if rising is None:
             return positive(g, old.strict)
@@ -171,6 +177,16 @@ def restrict(e: Expr, at: Mapping[Var, Expr], surface: Expr, directions: Sequenc
         return positive(g, old.strict, truth, (_tie_name(surface), _tie_name(old.g)))
 
     return Keys().without_null_roots(cast(Expr, substitute(e, at, mark)))
+
+
+def _apart_from_twins(e: Expr, at: Mapping[Var, Expr], surface: Expr) -> tuple[Expr, list[Var]]:
+    """Returns e and the variables of its integrals, innermost first, which are other ones than the surface's if it stands in them too."""
+    inner = _binders_outwards(e)
+    common = surface.free.union(*(place.free for place in at.values())).intersection(inner)
+    if any(a.g is surface for a in atoms_of(e) if common):
+        e = cast(Expr, rename_apart(e, common))
+        inner = _binders_outwards(e)
+    return e, inner
 
 
 def _may_coincide(g: Expr, inner: Sequence[Var]) -> bool:

@@ -241,6 +241,8 @@ def integer_power(base: Expr, k: int) -> Expr:
     if isinstance(base, Mul) and base.children[0] is MINUS_ONE and (k < 0 or k % 2 == 0):
         positive_base = integer_power(mul(*base.children[1:]), k)
         return mul(MINUS_ONE, positive_base) if k % 2 else positive_base
+    if isinstance(base, Mul) and any([isinstance(f, Pow) and f.exponent < 0 and f.free for f in base.children]):
+        return mul(*[integer_power(f, k) for f in base.children])  # so that (t/x)²·x² is t², also at x = 0
     if isinstance(base, Where):
         if k > 0 and base.otherwise is ZERO:
             return where(base.condition, integer_power(base.then, k), ZERO)

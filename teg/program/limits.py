@@ -35,6 +35,10 @@ PLACED = 2.0**-52
 """How far a node may be off, relative to its distance from 0: in a narrow interval that is much."""
 SPENT = 10.0
 """The errors of all intervals of a piece may add up to so many times what the error of one may be."""
+CANCELS = 1e-3
+"""Where the values of a piece cancel, its errors count relative to their integral, or to this if the integral is smaller."""
+CANCELLED = 1e3
+"""They may add up to so many times the tolerance of what is left. Estimates are bounds, and often far too large."""
 DEEP = 40
 """After so many bisections a value that does not settle may diverge."""
 DIVERGENT = 2.0**-10

@@ -48,8 +48,9 @@ class Adaptive:
 
     and if it was bisected MAX_DEPTH times, or the piece has used MAX_INTERVALS measurements. But then the tolerance was *missed*, as it
     is where K is infinite, or where the errors of a piece (but for intervals in which a watched sign changes) add up to more than
-    SPENT times what one of them may be. After DEEP bisections a value with A > DIVERGENT·A₀ diverges, where no
-    watched sign is 0: its K is an infinity of its sign.
+    SPENT times what one of them may be, or to more than both CANCELLED·tol·(|the integral| + CANCELS) and
+    SPENT·ROUNDING·A₀. After DEEP bisections a value with A > DIVERGENT·A₀ diverges, where no watched sign is 0: its K is an infinity
+    of its sign.
 
     The error is 4·t·min(1, max(r, (15·r - 2)/7))^decay_power, t the largest coefficients that the null rules give and r the decay from
     one pair of them to the next. No decay is counted on where r is NaN, at an "end", and in intervals that touch an end of their piece

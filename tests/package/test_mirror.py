@@ -60,7 +60,6 @@ ELSEWHERE = {
         "node": "tests/ir/test_pickle_and_threads.py",
         "operands": "tests/ir/test_expr.py",
         "partition": "tests/ir/test_choices.py",
-        "simplify": "tests/ir/test_expr.py",
         "tables": "tests/passes/normalise/test_tables.py",
     },
     "teg/language": {"programs": "tests/ir/test_expr.py"},

@@ -15,6 +15,8 @@ from teg.numerics.polyhedra import SIDES, box_edges
 from teg.program import (
     AT_END,
     BOX_COST,
+    CANCELLED,
+    CANCELS,
     CLIP_EPS,
     CLOSE_ENDS,
     DEEP,
@@ -104,6 +106,8 @@ LIMITS = {
     "TEG_DIVERGENT": DIVERGENT,
     "TEG_DEEP": DEEP,
     "TEG_SPENT": SPENT,
+    "TEG_CANCELS": CANCELS,
+    "TEG_CANCELLED": CANCELLED,
     "TEG_END_DECAY": END_DECAY,
     "TEG_UNSEEN": UNSEEN,
     "TEG_HIDDEN": HIDDEN,

@@ -66,12 +66,15 @@ static inline int teg_assess(int n, double *sums, const double *apart, const dou
 }
 
 //: teg_overspent
-/* Whether the errors of a piece add up to more than one of them may be. */
-static inline int teg_overspent(int n, const double *spent, const double *whole, double tol, double floor)
+/* Whether the errors that were spent on a piece are too large together, for its integrals of |values|, or for its integrals,
+   where values cancel. */
+static inline int teg_overspent(
+    int n, const double *spent, const double *whole, const double *total, double tol, double floor)
 {
     for (int j = 0; j < n; j++) {
-        const double rounding = TEG_ROUNDING * whole[j], wanted = tol * (whole[j] + floor);
-        if (spent[j] > TEG_SPENT * (wanted > rounding ? wanted : rounding)) return 1;
+        const double rounding = TEG_SPENT * TEG_ROUNDING * whole[j], wanted = TEG_SPENT * tol * (whole[j] + floor);
+        const double left = TEG_CANCELLED * tol * (fabs(total[j]) + TEG_CANCELS), least = wanted < left ? wanted : left;
+        if (spent[j] > (least > rounding ? least : rounding)) return 1;
     }
     return 0;
 }

@@ -22,7 +22,7 @@ from teg.analysis.roots import local_origin
 from teg.analysis.surfaces import atoms_of
 from teg.analysis.tails import infinite_ends, is_unbounded
 from teg.errors import NotDifferentiableError
-from teg.ir.expr import MINUS_ONE, ONE, TRUE, Call, Compare, Cond, Expr, Var, const, has_cut
+from teg.ir.expr import MINUS_ONE, ONE, TRUE, ZERO, Call, Compare, Cond, Expr, Var, const, has_cut
 from teg.ir.integral import Integral, PointMasses
 from teg.ir.node import postorder
 from teg.ir.simplify import add, call, conjunction, disjunction, div, mul, positive, sub, where
@@ -182,7 +182,8 @@ class Pieces:
         none."""
         linear, quadratic = self.features.exponentials(group)
         scales = [div(ONE, call("magnitude", rate)) for rate in linear] + [div(ONE, call("root", c)) for _, c in quadratic]
-        scales = scales or [c.width for i in group for c in self.centres.of(i)]
+        # the width of a double root is 0, or what rounding made of it
+        scales = scales or [where(_is_unresolved(c.place, c.width), ZERO, c.width) for i in group for c in self.centres.of(i)]
         smallest = [self.out.number(s, home) for s in dict.fromkeys(scales)]
         least: Arg = 1.0
         for i, s in enumerate(smallest):

@@ -19,8 +19,9 @@ from teg.analysis.polynomial import Shadow
 from teg.analysis.roots import Root, solve
 from teg.analysis.surfaces import atoms_of
 from teg.analysis.tails import finite_place, is_unbounded
-from teg.ir.expr import ONE, Compare, Expr, Var
+from teg.ir.expr import ONE, Compare, Expr, Var, Where, has_cut
 from teg.ir.integral import Integral, PointMasses
+from teg.ir.node import postorder
 from teg.ir.traverse import replace_node, substitute
 from teg.passes.lower.emit import NAN, Emitter
 from teg.passes.lower.levels import Level, Plan, Truths
@@ -32,6 +33,9 @@ BOXES = 8
 """The room for boxes of a level, as a multiple of the number of roots."""
 _ROOT_ERROR = 4.0
 """The largest error of a root found at run time, in ε of its size."""
+
+_AT_ROOT, _MOVED = 1e-9, 2.0**-40
+"""How large g may be at a root, relative to its terms, and how far a root may be off, relative to its size, where g may jump instead."""
 
 
 class Roots:
@@ -173,6 +177,8 @@ class Roots:
         values = tuple(self.out.number(b, level) for b in bodies)
         if masses.g.free == {node.var}:
             values = self._where_slope_is_known(isolation.slope, values, level)
+        if any(has_cut(n) or isinstance(n, Where) for n in postorder([masses.g]) if node.var in n.free):
+            values = self._without_jumps(isolation, values, level)
         results = tuple(self.out.fresh("v") for _ in group)
         home.block.append(SumOver(var, points, tuple(level.block), values, results, when))
         return results
@@ -184,6 +190,15 @@ class Roots:
         small = self.out.assign(level, "ge0", self.out.assign(level, "sub", noise, size))
         unknown = self.out.assign(level, "and", small, self.out.assign(level, "gt0", size))
         return tuple(self.out.assign(level, "select", unknown, NAN, v) for v in values)
+
+    def _without_jumps(self, isolation: Isolation, values: Sequence[Arg], level: Level) -> tuple[Arg, ...]:
+        """Returns values; 0 where g is not 0: it jumps there, at the cut of an angle, and a jump that stays has no mass."""
+        out, rate, place = self.out, self.out.size(isolation.slope, level), self.out.size(isolation.var, level)
+        least = out.assign(level, "mul", _AT_ROOT, out.rounding.tie_scale(isolation.g, level))
+        least = out.assign(level, "add", least, out.assign(level, "mul", _MOVED, rate, place))
+        jump = out.assign(level, "sub", out.size(isolation.g, level), least)
+        jumps = out.assign(level, "gt0", jump)
+        return tuple(out.assign(level, "select", jumps, 0.0, v) for v in values)
 
     def _sum_of_branches(self, g: Expr, bodies: Sequence[Expr], x: Var, roots: Sequence[Root], home: Level) -> tuple[Arg, ...]:
         """Returns the same for roots with formulas, one after the other.

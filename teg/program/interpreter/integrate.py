@@ -12,6 +12,8 @@ from teg.numerics.quadrature import decay_power, end_rule, gauss_legendre, null_
 from teg.program.interpreter.bends import POWER, Substitution, substitution, tail_place
 from teg.program.limits import (
     AT_END,
+    CANCELLED,
+    CANCELS,
     DEEP,
     DIVERGENT,
     EDGE,
@@ -165,7 +167,7 @@ class _Piece:
         """Bisection until every interval is accepted, from the left."""
         stmt, m, tested = self.stmt, self.machine, range(self.stmt.tested)
         whole = [0.0] * stmt.tested
-        spent = [0.0] * stmt.tested
+        spent, totals = [0.0] * stmt.tested, [0.0] * stmt.tested
         waiting = [(0.0, 1.0, 0, [0.0] * stmt.tested)]  # ends, how often halved, the largest A of what it came from
         used = 0
         while waiting:
@@ -202,12 +204,14 @@ class _Piece:
                 if hides and stmt.guard is not None:
                     found.error = [_larger(e, h) for e, h in zip(found.error, self._hidden(stmt.guard, way, left, right), strict=True)]
             m.missed |= any(math.isinf(found.total[j]) for j in tested)
+            totals = [t + k for t, k in zip(totals, found.total, strict=False)]
             if not found.changed:
                 spent = [s + e for s, e in zip(spent, found.error, strict=True)]
             factor = max(rounding(way.p, way.q), 0.5 * ROUNDING + _placed(way, left, right))
             self._take(found.total, [e + factor * a for e, a in zip(found.error, found.size, strict=True)])
-        most = [max(rule.tol * (a + rule.floor), ROUNDING * a) for a in whole]
-        m.missed |= any(s > SPENT * w for s, w in zip(spent, most, strict=True))
+        kept = [CANCELLED * rule.tol * (abs(t) + CANCELS) for t in totals]
+        most = [max(min(SPENT * rule.tol * (a + rule.floor), k), SPENT * ROUNDING * a) for a, k in zip(whole, kept, strict=True)]
+        m.missed |= any(s > w for s, w in zip(spent, most, strict=True))
 
     def _measure(self, way: Substitution, left: float, right: float, n: int, smooth: bool, closed: bool) -> _Measured:
         """Returns the measurements of the interval (left, right) of u by n nodes; see `measure`."""

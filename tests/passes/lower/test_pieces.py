@@ -60,3 +60,15 @@ def test_estimates_hold_the_rounding_of_places(e: Expr, over_line: object, steep
             warnings.simplefilter("ignore", teg.AccuracyWarning)
             value, error = f.value_and_error(t=place, k=steepness)
         assert abs(value - float(over_line)) <= error  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_the_width_of_a_double_root_is_not_its_rounding(backend: str) -> None:
+    """Tails are as long as the scale k of (1 + x/k)^-t, whatever rounding makes of the square that is 0 at x = -k: its derivative by k."""
+    power = teg.compile(teg.integral((1 + x / k) ** (-t), (x, 0, math.inf)), [t, k], backend=backend)
+    lomax = teg.compile(teg.integral(x * (1 + x / k) ** (-t - 1) * teg.bracket(x > 1.5), (x, 0, math.inf)), [t, k], backend=backend)
+    for scale in (0.1, 0.15, 0.2, 0.21, 0.22, 0.4, 0.45, 1.0, 3.0, 1000.0):
+        assert power.grad(t=3.0, k=scale)["k"] == pytest.approx(0.5, rel=1e-8)  # of k/(t - 1)
+        u = 1 + 1.5 / scale  # k²·(u^(1 - t)/(t - 1) - u^-t/t) = k²·(½u⁻² - ⅓u⁻³)
+        by_scale = 2 * scale * (u**-2 / 2 - u**-3 / 3) + 1.5 * (u**-3 - u**-4)
+        assert lomax.grad(t=3.0, k=scale)["k"] == pytest.approx(by_scale, rel=1e-8)

@@ -115,3 +115,21 @@ def test_roots_are_searched_for_once() -> None:
     assert f(t=0.2) == pytest.approx(8 - roots[1] + roots[0], abs=1e-12)
     assert f.grad(t=0.2)["t"] == pytest.approx(sum(1 / abs((1 - r) * math.exp(-r)) for r in roots), abs=1e-12)
     assert (f(t=-0.1), f.grad(t=-0.1)["t"], f(t=0.5), f.grad(t=0.5)["t"]) == (0.0, 0.0, 8.0, 0.0)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("turned", [False, True])
+def test_the_cut_of_an_angle_has_no_mass(backend: str, turned: bool) -> None:
+    """Above the ray at the angle π - asin b: the box left of the origin has the cut in its middle, where sin θ does not jump."""
+    box = ((x, -1, -0.2), (y, -0.5, 0.5))
+    f = teg.compile(teg.integral(teg.bracket(teg.sin(teg.atan2(y, x)) > b), *(box[::-1] if turned else box)), [b], backend=backend)
+    assert f.grad(b=0.3)["b"] == pytest.approx(-0.5 * (1 - 0.2**2) * (1 - 0.3**2) ** -1.5, rel=1e-9)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_flower(backend: str) -> None:
+    """The area of r < 1 + b·sin(3θ + a) is π(1 + ½b²)."""
+    radius = 1 + b * teg.sin(3 * teg.atan2(y, x) + a)
+    f = teg.compile(teg.integral(teg.bracket(teg.sqrt(x * x + y * y) < radius), (x, -1.5, 1.5), (y, -1.5, 1.5)), [a, b], backend=backend)
+    got = f.grad(a=0.2, b=0.1)
+    assert (got["a"], got["b"]) == pytest.approx((0.0, math.pi * 0.1), abs=1e-9)
