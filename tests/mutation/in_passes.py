@@ -20,6 +20,39 @@ IN_PASSES: tuple[Mutant, ...] = (
         ),
     ),
     *mutants(
+        "teg/analysis/twins.py",
+        ("tests/analysis/test_twins.py",),
+        ("a surface that stands across", "positive(factor, True, TRUE, rivals), positive(side)", "positive(factor), positive(side)"),
+        ("falling surfaces", "conjunction(negation(rising), negation(beyond))", "negation(rising)"),
+        ("one rate of several that are 0", "where(positive(size, True, TRUE, rivals), ONE, MINUS_ONE)", "ONE"),
+        ("differences that cancel", "if (cancelled := expanded(difference)) is not None", "if (cancelled := None) is not None"),
+    ),
+    *mutants(
+        "teg/analysis/surfaces.py",
+        ("tests/analysis/test_twins.py",),
+        ("the same variable inside and outside", "e = cast(Expr, rename_apart(e, common))", "pass"),
+    ),
+    *mutants(
+        "teg/passes/lower/roots.py",
+        ("tests/passes/lower/test_roots.py",),
+        ("the cut of an angle as a root", 'out.assign(level, "select", jumps, 0.0, v)', "v"),
+    ),
+    *mutants(
+        "teg/passes/lower/pieces.py",
+        ("tests/passes/lower/test_pieces.py",),
+        ("the width of a double root", "where(_is_unresolved(c.place, c.width), ZERO, c.width)", "c.width"),
+    ),
+    *mutants(
+        "teg/analysis/boxes.py",
+        ("tests/analysis/test_boxes.py",),
+        ("denominators that cancel", "return None  # a denominator that cancels, but for the corner", "pass"),
+    ),
+    *mutants(
+        "teg/ir/simplify.py",
+        ("tests/ir/test_simplify.py",),
+        ("powers of quotients", "return mul(*[integer_power(f, k) for f in base.children])", "pass"),
+    ),
+    *mutants(
         "teg/passes/differentiate/moving_poles.py",
         ("tests/passes/differentiate/test_moving_poles.py",),
         ("a least value that is no pole", "return pole if is_null(g) else None", "return pole"),

@@ -30,7 +30,6 @@ every backend."""
 ELSEWHERE = {
     "teg/analysis": {
         "bodies": "tests/ir/test_function.py",
-        "boxes": "tests/backends/test_ellipse.py",
         "critical": "tests/end_to_end/test_references.py",
         "endless": "tests/end_to_end/test_infinite_ranges.py",
         "guards": "tests/passes/lower/test_integrals.py",
