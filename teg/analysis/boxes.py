@@ -13,9 +13,8 @@ from teg.analysis.polynomial import Shadow
 from teg.analysis.surfaces import atoms_of
 from teg.analysis.tails import is_unbounded
 from teg.errors import NotDifferentiableError
-from teg.ir.expr import TRUE, ZERO, Add, Cond, Expr, Mul, Pow, Var, Where, const
+from teg.ir.expr import TRUE, ZERO, Add, Cond, Expr, Mul, Var, Where, const
 from teg.ir.integral import Integral, masses_of
-from teg.ir.node import postorder
 from teg.ir.simplify import add, integer_power, mul, negation, where
 from teg.ir.traverse import substitute
 
@@ -66,8 +65,6 @@ def coefficients(e: Expr, chain: Chain, scaled: bool = False) -> Coefficients | 
     x, y = inner.var, outer.var
     if e.has_integral or e.has_delta or any(atoms_of(e, v) for v in (x, y)):
         return None
-    if any(isinstance(n, Pow) and n.exponent < 0 and not n.free.isdisjoint((x, y)) for n in postorder([e])):
-        return None  # a denominator that cancels, but for the corner
     poly = Shadow((x, y)).polynomial(e)
     if poly is None:
         return None

@@ -43,11 +43,6 @@ IN_PASSES: tuple[Mutant, ...] = (
         ("the width of a double root", "where(_is_unresolved(c.place, c.width), ZERO, c.width)", "c.width"),
     ),
     *mutants(
-        "teg/analysis/boxes.py",
-        ("tests/analysis/test_boxes.py",),
-        ("denominators that cancel", "return None  # a denominator that cancels, but for the corner", "pass"),
-    ),
-    *mutants(
         "teg/ir/simplify.py",
         ("tests/ir/test_simplify.py",),
         ("powers of quotients", "return mul(*[integer_power(f, k) for f in base.children])", "pass"),
