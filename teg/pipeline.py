@@ -259,7 +259,7 @@ def compiled_outputs(
         outputs.append(run_pass(estimator.name, estimate, raw))
         if not last:
             source = run_pass("canonicalise", canonical, raw if sifted else outputs[-1])
-        outputs[-1] = missed.guarded(outputs[-1], wrt)
+        outputs[-1] = missed.guarded(outputs[-1], wrt, again=order > 0)
     return _together(outputs, canonical)
 
 

@@ -136,6 +136,8 @@ IN_PASSES: tuple[Mutant, ...] = (
         "teg/passes/differentiate/missed_cuts.py",
         ("tests/passes/differentiate/test_missed_cuts.py",),
         ("side of a cut", "positive(mul(MINUS_ONE, left)))", "positive(left))"),
+        ("second derivatives at a cut", "if (again or m.moves) and", "if m.moves and"),
+        ("surfaces that end on a cut", "moves = isinstance(node, Delta) or", "moves ="),
         ("ranges that are not known", "        return TRUE\n    return conjunction(", "        return FALSE\n    return conjunction("),
     ),
     *mutants(

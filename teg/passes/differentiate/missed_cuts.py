@@ -3,22 +3,22 @@
     [θ(x)² + sin x·θ(x) > t]       with θ = atan2(v, u), which jumps where v = 0 and u < 0
 
 A condition on an angle beside affine terms is half-planes (`teg.passes.normalise.cuts`), so its cut is a surface. In any other condition
-the cut is none: roots on it are no roots of the condition, and its own boundary term is missing. Values are right, since cuts are
-breaks of integrals; derivatives by the condition's parameters are not known if bounds of v and u over the box, taken
-at run time, allow the cut. Linear.
+the cut is none, and its own boundary term is missing. Values are right, since cuts are breaks of integrals; so are first derivatives
+where no parameter moves the cut, since roots on it have no mass. Others by the condition's parameters, and all second ones, as its
+surface may end on the cut, are not known if bounds of v and u over the box, taken at run time, allow the cut. Linear.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import cast
+from typing import NamedTuple, cast
 
 from teg.analysis.evaluate import values_of
 from teg.analysis.intervals import Enclosure, Interval
 from teg.errors import NotDifferentiableError, OperandError
 from teg.ir.expr import MINUS_ONE, TRUE, Call, Compare, Cond, Expr, Param, Tuple, Var, Where, const
-from teg.ir.integral import Integral
+from teg.ir.integral import Delta, Integral
 from teg.ir.node import Node, postorder
 from teg.ir.simplify import add, call, conjunction, disjunction, mul, positive, tuple_of, where
 from teg.ir.traverse import parameters
@@ -29,28 +29,37 @@ TRIALS, SAME = 64, 1e-9
 """Points at which both sides of a cut are compared, and how much they may differ."""
 
 
+class _Missed(NamedTuple):
+    """The parameters of a condition or a δ with a cut, whether first derivatives by them lack it, and where it is met."""
+
+    parameters: frozenset[Param]
+    moves: bool
+    met: Cond
+
+
 class MissedCuts:
     """The cuts of angles in conditions of a normal form that are no surfaces."""
 
     def __init__(self, normal: Expr) -> None:
-        self._met: list[tuple[frozenset[Param], Cond]] = []
+        self._met: list[_Missed] = []
         if cut_angles(normal):
             self._collect(normal)
 
-    def guarded(self, slopes: Expr, wrt: Sequence[Param | Var]) -> Expr:
-        """Returns the derivatives by some parameters, in their order, with NaN for those that lack a cut; for a tuple of tuples, each."""
+    def guarded(self, slopes: Expr, wrt: Sequence[Param | Var], again: bool = False) -> Expr:
+        """Returns the derivatives by some parameters, in their order, with NaN for those that lack a cut; for a tuple of tuples, each.
+        `again`: derivatives of derivatives."""
         if not self._met or not isinstance(slopes, Tuple):
             return slopes
         if slopes.children and isinstance(slopes.children[0], Tuple):
-            return tuple_of(*(self.guarded(s, wrt) for s in slopes.children))
-        return tuple_of(*(self.checked(s, (p,)) for s, p in zip(slopes.children, wrt, strict=True)))
+            return tuple_of(*(self.guarded(s, wrt, again) for s in slopes.children))
+        return tuple_of(*(self.checked(s, (p,), again) for s, p in zip(slopes.children, wrt, strict=True)))
 
-    def checked(self, slope: Expr, wrt: Sequence[Param | Var]) -> Expr:
+    def checked(self, slope: Expr, wrt: Sequence[Param | Var], again: bool = False) -> Expr:
         """Returns a derivative along some parameters, NaN if it lacks a cut."""
-        missed = [(by, met) for by, met in self._met if by & set(wrt)]
-        symbols = sorted({p for by, _ in missed for p in by}, key=lambda p: p.name)
+        missed = [m for m in self._met if (again or m.moves) and m.parameters & set(wrt)]
+        symbols = sorted({p for m in missed for p in m.parameters}, key=lambda p: p.name)
         unknown = mul(NO_NUMBER, add(*symbols))  # its own derivatives are NaN, too
-        return where(disjunction(*(met for _, met in missed)), unknown, slope)
+        return where(disjunction(*(m.met for m in missed)), unknown, slope)
 
     def _collect(self, root: Expr) -> None:
         """Adds the conditions under which cuts are met. A variable that several integrals bind has the bounds of each in turn."""
@@ -61,9 +70,10 @@ class MissedCuts:
             if (node, around) in seen:
                 continue
             seen.add((node, around))
-            if isinstance(node, Compare) and (angles := _missed(node.g)):
+            if isinstance(node, Compare | Delta) and (angles := _missed(node.g)):
                 met = disjunction(*(_met(*cast("tuple[Expr, Expr]", a.children), around) for a in angles))
-                self._met.append((frozenset(parameters(node.g)), met))
+                moves = isinstance(node, Delta) or bool(parameters(*(a.children[0] for a in angles)))
+                self._met.append(_Missed(frozenset(parameters(node.g)), moves, met))
             inside = (*around, node) if isinstance(node, Integral) else around
             stack.extend((c, inside if isinstance(node, Integral) and c is node.body else around) for c in node.children)
 

@@ -1,4 +1,4 @@
-"""Conditions on angles whose cut is no surface: derivatives are NaN where it may be met, and right elsewhere."""
+"""Conditions on angles whose cut is no surface: derivatives are NaN where it may be met and moves, and right elsewhere."""
 
 from __future__ import annotations
 
@@ -20,8 +20,17 @@ def program(u: teg.Expr) -> teg.Expr:
     return teg.integral(teg.bracket(2 * teg.atan2(y - a, u) - y * x > t), (x, -1, 1), (y, -1, 1))
 
 
+def differences(f: teg.Evaluator, at: dict[str, float], step: float = 1e-3) -> dict[str, float]:
+    """Returns slopes of values, which have no part in cuts."""
+
+    def change(name: str, h: float) -> float:
+        return (f(**{**at, name: at[name] + h}) - f(**{**at, name: at[name] - h})) / (2 * h)
+
+    return {name: (4 * change(name, step / 2) - change(name, step)) / 3 for name in at}
+
+
 @pytest.mark.parametrize("backend", BACKENDS)
-def test_a_cut_that_is_no_surface_is_reported(backend: str) -> None:
+def test_a_cut_that_moves_is_reported(backend: str) -> None:
     """The derivatives by t and a were -0.84 and 0.52 for -0.31 and -2.24, without a warning."""
     f = teg.compile(program(x - b), backend=backend)
     with pytest.warns(teg.AccuracyWarning, match="not a number"):
@@ -36,6 +45,40 @@ def test_in_all_forms_of_derivatives() -> None:
     for d in (teg.diff(e, t), teg.grad(e, [t])[0], teg.jvp(e, {a: 1}), teg.hessian(e, [t])[0][0]):
         assert math.isnan(teg.evaluate(d, a=0.1, b=0.2, t=0.6, inaccurate="ignore"))
     assert not math.isnan(teg.evaluate(e, a=0.1, b=0.2, t=0.6))
+
+
+RADIUS = teg.sqrt(x**2 + y**2)
+ANGLE = teg.atan2(y, x)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize(
+    ("condition", "turned"),
+    [
+        (t + a * ANGLE > RADIUS**2, False),
+        (t + a * ANGLE > RADIUS**2, True),
+        (teg.sin(0.5 * ANGLE + a) > t, False),
+        (ANGLE * (1 + x * y) + a * y > t, False),
+    ],
+    ids=["a spiral", "a spiral, turned", "half an angle", "a slanted end"],
+)
+def test_a_cut_that_stays_has_no_mass(condition: teg.Cond, turned: bool, backend: str) -> None:
+    """A condition that jumps on the cut, where its region ends whatever the parameters are."""
+    box = ((x, -1.3, 1.2), (y, -1.2, 1.1))
+    f = teg.compile(teg.integral(teg.exp(x) * teg.bracket(condition), *(box[::-1] if turned else box)), [a, t], backend=backend)
+    at = {"a": 0.12, "t": 0.4}
+    assert f.grad(**at) == pytest.approx(differences(f, at), rel=1e-6)
+
+
+def test_second_derivatives_where_a_surface_may_end_on_a_cut() -> None:
+    at = {"a": 0.12, "t": 0.4}
+    e = teg.integral(teg.bracket(t + a * ANGLE > RADIUS**2), (x, -1, 1), (y, -1, 1))
+    f = teg.compile(e, [a, t], backend="numpy")
+    for second in (lambda: f.hvp(at, {"a": 1.0})["t"], lambda: f.hessian(at)["a", "a"]):
+        with pytest.warns(teg.AccuracyWarning, match="not a number"):
+            assert math.isnan(second())
+    for d in (teg.hessian(e, [a])[0][0], teg.jvp(teg.diff(e, t), {a: 1})):
+        assert math.isnan(teg.evaluate(d, **at, inaccurate="ignore"))
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
@@ -73,13 +116,18 @@ def test_a_flower_has_no_cut(backend: str) -> None:
     assert gradient["a"] == pytest.approx(math.pi * 0.25 * 0.3, rel=1e-9)
 
 
-def test_a_cut_in_one_branch_only_is_reported() -> None:
+@pytest.mark.parametrize("place", [0.0, a])
+def test_a_cut_in_one_branch_only(place: teg.Expr | float) -> None:
     """θ counts where x < -0.2, beside the cut; elsewhere θ² does, which has none."""
-    angle = teg.atan2(y, x)
+    angle = teg.atan2(y - place, x)
     g = teg.where(x < -0.2, angle * (1 + x * y), angle**2)
     f = teg.compile(teg.integral(teg.bracket(g > t), (x, -1, 1), (y, -1, 1)), [t])
+    at = {"t": 0.5, **({} if place == 0.0 else {"a": 0.1})}
+    if place == 0.0:
+        assert f.grad(**at) == pytest.approx(differences(f, at), rel=1e-6)
+        return
     with pytest.warns(teg.AccuracyWarning, match="not a number"):
-        assert math.isnan(f.grad(t=0.5)["t"])
+        assert math.isnan(f.grad(**at)["t"])
 
 
 def test_a_cut_in_a_range_that_is_not_known_may_be_met() -> None:
