@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -21,14 +23,42 @@ pytest.importorskip("tqdm")
 from teg.examples.bouncing_ball import run
 from teg.examples.bouncing_ball.descent import SHORTEST, ActionDescent
 from teg.examples.bouncing_ball.run import run_bouncing_ball
-from teg.examples.bouncing_ball.scene import compile_scene, contact_names, height_names
+from teg.examples.bouncing_ball.scene import CompiledScene, compile_scene, contact_names, height_names
 from teg.examples.bouncing_ball.throw import Throw, exact, make_throw, straight
 
 QUICK: dict[str, Any] = {"backend": "numpy", "progress": False}
 
 
+@cache
+def scene_of(contacts: int, discontinuities: Any = "exact") -> CompiledScene:
+    return compile_scene(contacts, "numpy", discontinuities)
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _compiled_once() -> Iterator[None]:
+    """Scenes do not depend on the duration: only smoothed derivatives do."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(run, "compile_scene", lambda contacts, _backend, discontinuities, _seconds: scene_of(contacts, discontinuities))
+        yield
+    scene_of.cache_clear()
+
+
+@pytest.fixture
+def _not_drawn() -> Iterator[None]:
+    """For tests that look at no picture."""
+    from PIL import Image
+
+    def blank(folder: Path, *_: object) -> None:
+        for name in (run.SHEET, run.ANIMATION):
+            Image.new("RGB", (1, 1)).save(folder / name)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(run, "_draw", blank)
+        yield
+
+
 def descent_of(throw: Throw, discontinuities: str = "exact") -> ActionDescent:
-    return ActionDescent(throw, compile_scene(throw.contacts, "numpy", discontinuities))
+    return ActionDescent(throw, scene_of(throw.contacts, discontinuities))
 
 
 def values(descent: ActionDescent, times: np.ndarray, heights: np.ndarray) -> dict[str, float]:
@@ -122,6 +152,7 @@ def test_the_exact_path_falls_freely_and_rebounds(contacts: int, speed: float, r
 # -- the descent -------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.usefixtures("_not_drawn")
 @pytest.mark.parametrize(("contacts", "speed", "share"), [(1, 1.5, 0.7), (2, -1.0, 0.7), (3, 1.5, 0.7), (4, 0.5, 0.4), (3, 1.0, 0.95)])
 def test_least_action_is_the_exact_path(contacts: int, speed: float, share: float, tmp_path: Path) -> None:
     duration = make_throw(contacts, speed).duration * share / 0.7
@@ -134,6 +165,7 @@ def test_least_action_is_the_exact_path(contacts: int, speed: float, share: floa
     np.testing.assert_allclose(report["speed_of_lift_by_rebounds"], speed, atol=1e-7)
 
 
+@pytest.mark.usefixtures("_not_drawn")
 @pytest.mark.parametrize(("contacts", "restitution"), [(1, 0.5), (3, 0.8), (5, 0.6)])
 def test_contacts_that_take_energy(contacts: int, restitution: float, tmp_path: Path) -> None:
     report = run_bouncing_ball(contacts=contacts, restitution=restitution, out=tmp_path, alone=True, **QUICK)
@@ -198,12 +230,14 @@ def test_without_jumps_the_ball_rebounds_as_if_the_lift_had_half_its_speed(speed
     assert (tmp_path / "bouncing_ball.png").stat().st_size > 10_000
 
 
+@pytest.mark.usefixtures("_not_drawn")
 def test_in_a_lift_at_rest_half_of_nothing_is_right(tmp_path: Path) -> None:
     report = run_bouncing_ball(contacts=2, speed=0.0, out=tmp_path, **QUICK)
     assert report["beside"]["largest_time_error"] < 1e-9
     assert "at rest" in report["beside"]["note"]
 
 
+@pytest.mark.usefixtures("_not_drawn")
 def test_the_contacts_do_not_depend_on_the_lifts_speed(tmp_path: Path) -> None:
     duration = make_throw(3, 0.0).duration
     options: dict[str, Any] = {"contacts": 3, "duration": duration, "out": tmp_path, "alone": True, **QUICK}

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -29,14 +31,24 @@ AFTER_GRADIENTS = 7  # parameters: a threshold and two colours
 SMALL: dict[str, Any] = {"size": 16, "cells": 3, "octaves": 2, "levels": 2, "backend": "numpy", "progress": False}
 
 
-@pytest.fixture(autouse=True)
-def _small_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pictures, "SMALLEST", 64)
+@cache
+def compiled(backend: Any, discontinuities: Any, _threads: int, levels: int) -> CompiledScene:
+    return compile_scene(backend, discontinuities, levels=levels)
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _small_pictures() -> Iterator[None]:
+    """Of scenes that are compiled once."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(pictures, "SMALLEST", 64)
+        patch.setattr(run, "compile_scene", compiled)
+        yield
+    compiled.cache_clear()
 
 
 @pytest.fixture(scope="module")
 def scene() -> CompiledScene:
-    return compile_scene("numpy")
+    return compiled("numpy", "exact", 1, 2)
 
 
 @pytest.fixture(scope="module")
@@ -339,6 +351,6 @@ def test_the_command_line(photo: Path, tmp_path: Path, capsys: pytest.CaptureFix
 @pytest.mark.slow
 def test_the_default_run_meets_its_goal(tmp_path: Path) -> None:
     pytest.importorskip("skimage")
-    report = run_perlin(out=tmp_path, steps=120, size=160, octaves=4, progress=False)
+    report = run_perlin(out=tmp_path, steps=60, size=96, octaves=3, progress=False)
     assert report["loss"]["ratio"] < 0.25
     assert report["loss"]["end"] < 0.5 * report["beside"]["loss"]["end"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -25,12 +26,17 @@ from teg.examples.triangulation.scene import CompiledScene, compile_scene  # noq
 SMALL: dict[str, Any] = {"triangles": 12, "size": 32, "backend": "numpy", "alone": True, "progress": False}
 
 
-@pytest.fixture(autouse=True)
-def _small_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ("SMALLEST", "FINE", "FILM_SIDE"):
-        monkeypatch.setattr(pictures, name, 64)
-    for name in ("draw_sheet", "draw_loss"):  # a second each
-        monkeypatch.setattr(pictures, name, lambda path, *_: Image.new("RGB", (1, 1)).save(path))
+DRAWN = {name: getattr(pictures, name) for name in ("draw_sheet", "draw_loss")}
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _small_pictures() -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        for name in ("SMALLEST", "FINE", "FILM_SIDE"):
+            patch.setattr(pictures, name, 64)
+        for name in DRAWN:  # a second each
+            patch.setattr(pictures, name, lambda path, *_: Image.new("RGB", (1, 1)).save(path))
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -169,8 +175,8 @@ def test_no_step_folds_a_triangle() -> None:
 
 
 def test_the_loss_falls_and_everything_is_written(photo: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.undo()
-    monkeypatch.setattr(pictures, "SMALLEST", 64)
+    for name, draw in DRAWN.items():
+        monkeypatch.setattr(pictures, name, draw)
     report = run_triangulation(photo, steps=6, out=tmp_path, **SMALL)
     losses = report["losses"]
     assert len(losses) == 7

@@ -24,8 +24,8 @@ def test_masses_and_dual() -> None:
     assert found.cost == pytest.approx(found.dual, abs=1e-13)
     ticks = (np.arange(800) + 0.5) / 800
     px, py = np.meshgrid(ticks, ticks)
-    owner = np.argmin((px[..., None] - sites[:, 0]) ** 2 + (py[..., None] - sites[:, 1]) ** 2 - found.weights, axis=-1)
-    sampled = np.bincount(owner.ravel(), weights=density(px, py).ravel() / 800**2, minlength=COUNT)
+    owner = np.argmin((sites**2).sum(axis=1) - found.weights - 2 * np.stack([px.ravel(), py.ravel()], axis=1) @ sites.T, axis=1)
+    sampled = np.bincount(owner, weights=density(px, py).ravel() / 800**2, minlength=COUNT)
     np.testing.assert_allclose(sampled, masses, atol=5e-5)
 
 

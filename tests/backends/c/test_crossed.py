@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -12,8 +13,8 @@ import teg
 from teg.backends.branches import with_branches
 from teg.backends.c import crossed as c_crossed
 from teg.backends.c.crossed import Crossed, Nodes, crossed, lines_apart
-from teg.backends.c.kernel import compile_c, print_kernel
-from teg.backends.numpy.kernel import compile_numpy
+from teg.backends.c.kernel import CKernel, compile_c, print_kernel
+from teg.backends.numpy.kernel import NumpyKernel, compile_numpy
 from teg.ir.expr import Param
 from teg.program import Assign, Program
 from tests.backends.c_checks import in_c
@@ -41,11 +42,22 @@ SCENES: dict[str, tuple[teg.Expr, list[Param]]] = {
 }
 
 
+@cache
 def program_of(name: str, order: int = 1) -> Program:
     e, wrt = SCENES[name]
     program = teg.compile(e, wrt, backend="numpy").program(order)
     assert isinstance(program, Program)
     return program
+
+
+@cache
+def in_numpy(name: str) -> NumpyKernel:
+    return compile_numpy(program_of(name))
+
+
+@cache
+def compiled(name: str) -> CKernel:
+    return compile_c(program_of(name))
 
 
 def triangles(program: Program, n: int, size: float, thin: float = 1.0) -> list[Array]:
@@ -126,7 +138,7 @@ def test_triangles_of_all_kinds(name: str, size: float, thin: float) -> None:
     """As NumPy, which clips corner by corner: large, small, thin, with corners and edges on the sides of the box."""
     program = program_of(name)
     columns = triangles(program, 1000, size, thin)
-    found, expected = compile_c(program)(columns, 1000), compile_numpy(program)(columns, 1000)
+    found, expected = compiled(name)(columns, 1000), in_numpy(name)(columns, 1000)
     np.testing.assert_allclose(found, expected, rtol=1e-11, atol=1e-11)
 
 
@@ -139,7 +151,7 @@ def test_which_points_are_good() -> None:
     ):
         program = program_of(name)
         columns = triangles(program, 1000, size, thin)
-        live = compile_numpy(program)(columns, 1000).any(axis=0)
+        live = in_numpy(name)(columns, 1000).any(axis=0)
         share = is_good(program, columns)[live].mean()
         assert least <= share <= most, (name, size, thin, share)
 
@@ -159,8 +171,8 @@ def test_half_planes_of_all_kinds(name: str) -> None:
             named[f"{k}1"][2::9] = named[f"{k}0"][2::9]
     columns = [named[p] for p in program.parameters]
     with np.errstate(all="ignore"):
-        expected = compile_numpy(program)(columns, n)
-    found = compile_c(program)(columns, n)
+        expected = in_numpy(name)(columns, n)
+    found = compiled(name)(columns, n)
     np.testing.assert_array_equal(np.isfinite(found), np.isfinite(expected))
     finite = np.isfinite(expected)
     np.testing.assert_allclose(found[finite], expected[finite], rtol=1e-12, atol=1e-13)
@@ -176,8 +188,8 @@ def test_what_is_not_a_number_stays_so(name: str) -> None:
         for j, value in enumerate((np.nan, np.inf, -np.inf)):
             column[64 * i + 8 * j : 64 * i + 8 * j + 8] = value
     with np.errstate(all="ignore"):
-        expected = compile_numpy(program)(columns, n)
-    found = compile_c(program)(columns, n)
+        expected = in_numpy(name)(columns, n)
+    found = compiled(name)(columns, n)
     np.testing.assert_array_equal(np.isfinite(found), np.isfinite(expected))
 
 
@@ -189,7 +201,7 @@ def test_far_from_the_origin() -> None:
     for i in places:
         columns[i] = np.round(columns[i] * 2**20) / 2**20
     moved = [column + 2.0**20 if i in places else column for i, column in enumerate(columns)]
-    kernel = compile_c(program)
+    kernel = compiled("linear")
     np.testing.assert_allclose(kernel(moved, 500), kernel(columns, 500), rtol=1e-12, atol=1e-12)
 
 
@@ -204,7 +216,7 @@ def test_an_edge_on_a_side_is_the_mean_of_both_orders() -> None:
     for offset in (-1e-9, 0.0, 1e-9):
         for i in index:
             columns[i] = np.full(9, offset)
-        slopes.append(compile_c(program)(columns, 9))
+        slopes.append(compiled("constant")(columns, 9))
     np.testing.assert_allclose(slopes[1], 0.5 * (slopes[0] + slopes[2]), atol=1e-7)
     assert (slopes[1] != slopes[0]).any()
 
@@ -223,7 +235,7 @@ def test_lines_of_one_half_plane_alone(name: str) -> None:
         for k in range(5 * n):  # the edge from corner 0 to corner 1 on a side
             at["x0"][k], at["x1"][k], at["y0"][k], at["y1"][k] = 0.0, 0.0, 2.0 + at["y0"][k] % 1.0, -1.0 - at["y1"][k] % 1.0
             at["x2"][k], at["y2"][k] = 4.0, 0.5
-        expected = np.concatenate([compile_numpy(program)([c[k : k + n] for c in columns], n) for k in range(0, 25 * n, n)], axis=1)
+        expected = np.concatenate([in_numpy(name)([c[k : k + n] for c in columns], n) for k in range(0, 25 * n, n)], axis=1)
         for line in lines:
             right, found = by_numpy(line, program, columns)
             np.testing.assert_allclose(found[:, right], expected[:, right], rtol=1e-11, atol=1e-11)

@@ -65,7 +65,7 @@ def test_a_copy_has_its_options_and_results(options: dict[str, Any]) -> None:
 @pytest.mark.slow
 def test_in_other_processes() -> None:
     """A pool of fresh processes is sent the evaluator."""
-    f = teg.compile(DISK, backend="c")
+    f = teg.compile(AREA, backend="c")
     wanted = f.value_and_grad(BATCH)
     parts = [{k: v[i::4] for k, v in BATCH.items()} for i in range(4)]
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
