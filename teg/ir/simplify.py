@@ -148,6 +148,8 @@ def mul(*factors: Expr) -> Expr:
             powers[factor.base] = powers.get(factor.base, 0) + factor.exponent
         else:
             powers[factor] = powers.get(factor, 0) + 1
+    if len(powers) > 1:
+        coefficient *= _cancel_in_products(powers)
     if any([_is_power_of_zero(factor) for factor in powers]):
         _settle_zeros(powers)
     if coefficient == 0.0:
@@ -157,6 +159,23 @@ def mul(*factors: Expr) -> Expr:
         kept.insert(0, const(coefficient))
     product = kept[0] if len(kept) == 1 else Mul.make(None, tuple(kept))
     return where(conjunction(*conditions), product, ZERO) if conditions else product
+
+
+def _cancel_in_products(powers: dict[Expr, int]) -> float:
+    """Multiplies powers of products out, in place, whose factors cancel with others: (t/x)²·x² is t², also at x = 0. Others stay as they
+    are written, as they may overflow. Returns their numbers."""
+    number = 1.0
+    for product in [base for base in powers if isinstance(base, Mul) and base.free]:
+        parts = [(f.base, f.exponent) if isinstance(f, Pow) else (f, 1) for f in product.children]
+        if any([k * powers[product] * powers.get(base, 0) < 0 for base, k in parts]):
+            times = powers.pop(product)
+            for base, k in parts:
+                power = integer_power(base, k * times) if isinstance(base, Const) else None
+                if isinstance(power, Const):
+                    number *= power.data
+                else:
+                    powers[base] = powers.get(base, 0) + k * times
+    return number
 
 
 def _settle_zeros(powers: dict[Expr, int]) -> None:
@@ -241,8 +260,6 @@ def integer_power(base: Expr, k: int) -> Expr:
     if isinstance(base, Mul) and base.children[0] is MINUS_ONE and (k < 0 or k % 2 == 0):
         positive_base = integer_power(mul(*base.children[1:]), k)
         return mul(MINUS_ONE, positive_base) if k % 2 else positive_base
-    if isinstance(base, Mul) and any([isinstance(f, Pow) and f.exponent < 0 and f.free for f in base.children]):
-        return mul(*[integer_power(f, k) for f in base.children])  # so that (t/x)²·x² is t², also at x = 0
     if isinstance(base, Where):
         if k > 0 and base.otherwise is ZERO:
             return where(base.condition, integer_power(base.then, k), ZERO)

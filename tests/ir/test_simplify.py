@@ -15,6 +15,9 @@ TRIANGLE = (x, 0, 1), (y, 0, 1)
 def test_powers_of_quotients_cancel() -> None:
     assert (t / x) ** 2 * x**2 is t**2
     assert (t / (x * y)) ** 3 * (x * y) ** 3 is t**3
+    assert str((2 * t / x) ** 2 * x) == "4·t²/x"
+    assert (x * y) ** 2 / x is x * y**2
+    assert str((t / x) ** 2 * y) == "(t/x)²·y", "what does not cancel may overflow"
     assert (x / t) ** 2 * x is not x**3 / t**2, "a quotient by a parameter stays, so that it does not overflow"
 
 

@@ -30,7 +30,7 @@ def differences(f: teg.Evaluator, at: dict[str, float], step: float = 1e-3) -> d
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
-def test_a_cut_that_moves_is_reported(backend: str) -> None:
+def test_a_cut_that_is_no_surface_is_reported(backend: str) -> None:
     """The derivatives by t and a were -0.84 and 0.52 for -0.31 and -2.24, without a warning."""
     f = teg.compile(program(x - b), backend=backend)
     with pytest.warns(teg.AccuracyWarning, match="not a number"):
