@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from contextlib import nullcontext
 from itertools import pairwise
 
 import mpmath
@@ -127,25 +126,23 @@ phi = teg.atan2(y, x)
         (t > phi, 2.0, 1.0),
         (3 - 2 * phi > 3 - 2 * t, 2.0, 1.0),
         (phi < 2, 2.0, None),
-        (teg.exp(phi) < t, math.log(2.0), math.nan),
-        (phi**3 < t, 2.0 ** (1 / 3), math.nan),
+        (teg.exp(phi) < t, math.log(2.0), 0.5),
+        (phi**3 < t, 2.0 ** (1 / 3), 2.0 ** (-2 / 3) / 3),
     ],
     ids=["below", "a multiple", "a number", "an exponential", "a cube"],
 )
 def test_a_cut_that_stays(condition: teg.Expr, limit: float, slope: float | None, reverse: bool, backend: str) -> None:
     """Below the limit lies a wedge of a disk around the cut's end. With y inside, the wedge also had the quarter above the cut, without a
-    warning. The derivative is right, or NaN with a warning."""
+    warning."""
     ranges = [(x, -1, 1), (y, -1, 1)]
     inside = teg.bracket(condition & (x * x + y * y < a))
     f = teg.compile(teg.integral(inside, *(ranges[::-1] if reverse else ranges)), [t, a] if slope else [a], backend=backend)
     at = {"a": 0.5, **({"t": 2.0} if slope else {})}
-    known = slope is None or not math.isnan(slope)
-    with nullcontext() if known else pytest.warns(teg.AccuracyWarning, match="not a number"):
-        value, gradient = f.value_and_grad(**at)
+    value, gradient = f.value_and_grad(**at)
     assert value == pytest.approx(0.25 * (math.pi + limit), rel=1e-10)
     assert gradient["a"] == pytest.approx(0.5 * (math.pi + limit), rel=1e-9)
     if slope is not None:
-        assert gradient["t"] == pytest.approx(0.25 * slope, rel=1e-9, nan_ok=True)
+        assert gradient["t"] == pytest.approx(0.25 * slope, rel=1e-9)
 
 
 @pytest.mark.parametrize("reverse", [False, True], ids=["xy", "yx"])
