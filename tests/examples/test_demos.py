@@ -76,7 +76,7 @@ def test_a_run_is_repeated_from_its_report(tmp_path: Path) -> None:
 
 
 def test_a_resumed_run_ends_where_the_whole_one_does(tmp_path: Path) -> None:
-    for options in ({"contacts": 1}, {"contacts": 1, "floor": "0.1*sin(2*x)"}):
+    for options in ({"contacts": 2}, {"contacts": 1, "floor": "0.1*sin(2*x)"}):
         first = run_bouncing_ball(out=tmp_path, backend="numpy", alone=True, **options)
         again = run_bouncing_ball(out=tmp_path, backend="numpy", alone=True, resume=True, **options)
         for name in ("times", "action"):

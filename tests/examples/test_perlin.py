@@ -351,6 +351,6 @@ def test_the_command_line(photo: Path, tmp_path: Path, capsys: pytest.CaptureFix
 @pytest.mark.slow
 def test_the_default_run_meets_its_goal(tmp_path: Path) -> None:
     pytest.importorskip("skimage")
-    report = run_perlin(out=tmp_path, steps=60, size=96, octaves=3, progress=False)
+    report = run_perlin(out=tmp_path, steps=120, size=160, octaves=4, progress=False)
     assert report["loss"]["ratio"] < 0.25
     assert report["loss"]["end"] < 0.5 * report["beside"]["loss"]["end"]
