@@ -349,8 +349,8 @@ class BreakAnalysis:
         branches = branches_of(without_extremes(f, x))
         if branches is None:
             return None
-        for branch in branches:
-            roots = self.solve(branch, x, lo, hi)
+        for factor in dict.fromkeys(factor for branch in branches for factor in _factors(branch, x)):
+            roots = self.solve(factor, x, lo, hi)
             if roots is None:
                 return None
             points.extend(r.point if r.exists is TRUE else where(r.exists, r.point, const(math.nan)) for r in roots.found)

@@ -8,7 +8,7 @@ f(u) = c     u = f⁻¹(c), every branch inside the bounds, then u = … is solv
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import cast
 
@@ -86,9 +86,10 @@ def solve(g: Expr, x: Var, lo: Expr, hi: Expr, depth: int = MAX_DEPTH, degrees: 
         if degree == 0:
             return Roots(())
         if degree == 1:
-            return Roots(
-                (Root(affine_root(g, x, local_origin(lo, hi) if depth == MAX_DEPTH else ZERO)),)
-            )  # inside an inverse function nothing is local
+            if depth == MAX_DEPTH:
+                return Roots((Root(affine_root(g, x, local_origin(lo, hi))),))
+            rate, at_zero = (cast(Expr, substitute(e, {x: ZERO})) for e in (slope(g, x), g))
+            return Roots((Root(div(mul(MINUS_ONE, at_zero), rate), is_met([rate], at_zero)),))  # in an inverse function nothing is local
         if degree == 2:
             return Roots(quadratic_roots(g, x, far_origin(lo, hi) if depth == MAX_DEPTH else ZERO))
         if not depth:
@@ -103,6 +104,13 @@ def solve(g: Expr, x: Var, lo: Expr, hi: Expr, depth: int = MAX_DEPTH, degrees: 
         return None if local is None or local is g else _inverted(local, x, lo, hi, depth) or _rationalised(local, x, lo, hi, depth)
     except NotDifferentiableError:
         return None
+
+
+def is_met(rates: Sequence[Expr], level: Expr) -> Cond:
+    """Returns the condition that an affine function with these slopes is 0 at a finite place. One that is 0 everywhere counts too, unless
+    its value at 0, `level`, has variables: there is no derivative there, and it shall be no number."""
+    met = disjunction(*(_not_zero(rate) for rate in rates))
+    return met if met is TRUE or level.free else disjunction(met, negation(_not_zero(level)))
 
 
 def affine_root(g: Expr, x: Var, origin: Expr) -> Expr:
@@ -130,7 +138,10 @@ def tidy(e: Expr) -> Expr:
 
 
 def discriminant(a: Expr, b: Expr, c: Expr) -> Expr:
-    """Returns B² - 4AC, from the exact normal form if that is short: for (x - c)² < t it is 4t and not a difference of squares."""
+    """Returns B² - 4AC, from the exact normal form if that is short: for (x - c)² < t it is 4t and not a difference of squares. Where B is
+    0 it stays a product, whose factors tell where it is 0."""
+    if b is ZERO:
+        return mul(const(-4), a, c)
     raw = sub(integer_power(b, 2), mul(const(4), a, c))
     normal = shorter_form(raw, variables=True)
     return normal if normal is not None and not _is_coarse(normal) else raw

@@ -69,6 +69,14 @@ def test_two_lines_meet() -> None:
     assert 0.25 in points  # y = (t - a)/2
 
 
+def test_a_product_is_0_where_a_factor_is() -> None:
+    """sin(y)·(e^y - t) has no formula as one function."""
+    e = teg.integral(teg.bracket(teg.sin(y) ** 2 * (teg.exp(y) - t) > x), (x, 0, 2), (y, -1, 1))
+    assert isinstance(e, Integral)
+    points = {float(teg.evaluate(p, {"t": 1.5})) for p in BreakAnalysis().of(e).points}
+    assert {0.0, math.log(1.5)} <= points
+
+
 def test_conditions_on_the_outer_variable_alone() -> None:
     e = teg.integral(teg.bracket(x < t) * teg.bracket(y < t), (x, 0, 1), (y, 0, 1))
     assert teg.evaluate(e, {t: 0.3}) == pytest.approx(0.09, rel=1e-15)

@@ -7,7 +7,7 @@ import math
 import pytest
 
 import teg
-from teg.analysis.roots import Roots, local_origin, quadratic_coefficients, solve
+from teg.analysis.roots import Roots, discriminant, local_origin, quadratic_coefficients, solve
 from teg.ir.expr import ONE, ZERO, const
 
 x, y = teg.vars("x y")
@@ -68,6 +68,12 @@ def test_a_vanishing_leading_coefficient_leaves_the_other_root() -> None:
 def test_the_discriminant_of_a_shifted_square_is_no_difference_of_squares() -> None:
     found = points(solve(t - (x - c) ** 2, x, ZERO, ONE), t=1e-6, c=1e5)
     assert found == pytest.approx([1e5 - 1e-3, 1e5 + 1e-3], rel=1e-16)
+
+
+def test_a_discriminant_without_a_linear_term_stays_a_product() -> None:
+    """Its factors tell where it is 0: multiplied out, sin² and cos² had double zeros that were found to rounding only."""
+    g = 4 * t * teg.sin(y) ** 2 * teg.cos(y) ** 2 - (1 + y) ** 2 * x**2
+    assert str(discriminant(*quadratic_coefficients(g, x))) == "16·(y + 1)²·cos(y)²·sin(y)²·t"
 
 
 def test_coefficients() -> None:

@@ -28,7 +28,7 @@ from teg.analysis.expanded import distance
 from teg.analysis.guards import middle_and_reach, support
 from teg.analysis.nest import Binder, Chain, nest, ranges_of
 from teg.analysis.polynomial import Point
-from teg.analysis.roots import NEAR, local_origin
+from teg.analysis.roots import NEAR, is_met, local_origin
 from teg.analysis.surfaces import below, free_of, is_affine, ordered, restrict, signed_between, signed_inside
 from teg.analysis.tails import is_unbounded
 from teg.ir import expr as ex
@@ -189,13 +189,11 @@ def _solved(g: Expr, coefficient: Expr, chain: Chain, chosen: Sequence[Binder]) 
         if total is None:
             return None
         terms.append(nest(total, tuple(c for c in chain if c is not b)))
-    if len(terms) == 1:
-        return terms[0]
     at = dict.fromkeys((b.var for b in chosen), ZERO)
     slopes = [cast(Expr, substitute(slope(g, b.var), at)) for b in candidates]
-    pivots = _pivot_conditions(slopes, [ONE] * len(slopes))
-    there = disjunction(*(positive(_magnitude(a)) for a in slopes))
-    return where(there, _select(pivots, terms), ZERO)
+    if any(isinstance(a, Const) for a in slopes):
+        return terms[0]
+    return where(is_met(slopes, cast(Expr, substitute(g, at))), _select(_pivot_conditions(slopes, [ONE] * len(slopes)), terms), ZERO)
 
 
 def _between_vertices(

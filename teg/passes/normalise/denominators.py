@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import cast
 
 from teg.ir import simplify
-from teg.ir.expr import Add, Call, Expr, Mul, Pow, Where
+from teg.ir.expr import ONE, Add, Call, Expr, Mul, Pow, Where
 from teg.ir.integral import Delta, delta
 from teg.ir.node import Node, postorder
 from teg.ir.simplify import add, mul
@@ -13,16 +13,27 @@ from teg.ir.traverse import formed_of, rebuild, rewrite, stands_in
 
 
 def tangents_as_quotients(g: Expr) -> Expr:
-    """Returns g with tan u = sin u / cos u: the sign of an atom also changes at the poles."""
+    """Returns g with tan u = sin u / cos u and 1 + tan² u = 1 / cos² u: the sign of an atom also changes at the poles."""
     if not any(isinstance(n, Call) and n.name == "tan" and n.free for n in postorder([g])):
         return g
     new: dict[Node, Node] = {}
     for node in postorder([g]):
         result = rebuild(node, tuple([new[c] for c in node.children]))
-        if isinstance(result, Call) and result.name == "tan" and result.free:
+        if isinstance(node, Add) and (u := _angle_of_secant(node)) is not None:
+            result = simplify.integer_power(simplify.call("cos", cast(Expr, new[u])), -2)
+        elif isinstance(result, Call) and result.name == "tan" and result.free:
             result = simplify.div(simplify.call("sin", result.children[0]), simplify.call("cos", result.children[0]))
         new[node] = result
     return cast(Expr, new[g])
+
+
+def _angle_of_secant(e: Add) -> Expr | None:
+    """Returns the u of 1 + tan² u."""
+    one, square = e.children if len(e.children) == 2 else (None, None)
+    one, square = (square, one) if isinstance(one, Pow) else (one, square)
+    if one is not ONE or not isinstance(square, Pow) or square.exponent != 2 or not isinstance(square.base, Call):
+        return None
+    return square.base.children[0] if square.base.name == "tan" and square.free else None
 
 
 def has_variable_denominator(g: Expr) -> bool:

@@ -137,6 +137,32 @@ PAIRS = {
 }
 
 
+@pytest.mark.parametrize("backend", ["numpy", "c", pytest.param("jax", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("link", [lambda u: u, lambda u: 1 / (1 + teg.exp(-u)), teg.erf], ids=["identity", "logit", "probit"])
+def test_a_regression_whose_slope_is_0(link: Callable[[teg.Expr], teg.Expr], backend: Any, x64_for_jax: None) -> None:
+    """[link(a + b·x) > t] at b = 0, where the surface is at infinity: the gradient is 0 under a normal density, and was NaN."""
+    f = teg.compile(teg.integral(normal(x) * teg.bracket(link(a + b * x) > t), (x, -OO, OO)), [t, a, b], backend=backend)
+    value, gradient = f.value_and_grad(t=0.1, a=3.0, b=0.0)
+    assert value == pytest.approx(1.0, rel=1e-12)
+    assert set(gradient.values()) == {0.0}
+    assert not f.diagnose(t=0.1, a=3.0, b=0.0)
+
+
+def test_a_regression_whose_slope_is_0_under_a_heavy_tail() -> None:
+    """Under a Cauchy density the derivative by b jumps at b = 0: a surface that comes from infinity has π·∂ = ∓1/(a - t)."""
+    f = teg.compile(teg.integral(teg.bracket(a + b * x > t) / (1 + x * x), (x, -OO, OO)), [t, a, b], backend="numpy")
+    assert f.grad(t=0.1, a=0.3, b=1e-9)["b"] == pytest.approx(-5.0, rel=1e-9)
+    (found,) = f.diagnose(t=0.1, a=0.3, b=0.0)
+    assert found.kind == "one-sided"
+
+
+def test_no_derivative_where_a_surface_is_everywhere() -> None:
+    """P(a + b·X > t) jumps where a = t and b = 0."""
+    f = teg.compile(teg.integral(normal(x) * teg.bracket(a + b * x > t), (x, -OO, OO)), [t, a, b], backend="numpy")
+    with pytest.warns(teg.AccuracyWarning, match="not a number"):
+        assert math.isnan(f.grad(t=0.3, a=0.3, b=0.0)["a"])
+
+
 @pytest.mark.parametrize("name", PAIRS)
 def test_second_derivatives(name: str) -> None:
     """Against differences of the gradient. Contributions of bounds at infinity were 0·∞."""

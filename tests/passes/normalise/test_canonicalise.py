@@ -231,3 +231,8 @@ def test_a_root_of_a_sum_of_squares_is_positive() -> None:
     assert surfaces(canonicalise(as_quotient)) == surfaces(canonicalise(as_product)) == ["a·√(y² + 1) - sin(x)"]
     found, wanted = (teg.compile(e, [a], backend="numpy").hessian(a=0.56)["a", "a"] for e in (as_quotient, as_product))
     assert found == pytest.approx(wanted, rel=1e-12)
+
+
+def test_one_and_the_square_of_a_tangent_are_one_over_the_square_of_a_cosine() -> None:
+    """A sum sin² + cos² stayed in the surface."""
+    assert surfaces(canonicalise(over(teg.bracket(a * (1 + teg.tan(x) ** 2) > t)))) == ["a - t·cos(x)²"]
