@@ -234,14 +234,16 @@ class Shadow:
             return {m: c * factor % P for m, c in b.items()}
         if len(a) * len(b) > 16 * MAX_TERMS:
             return cast(Poly, None)
-        out: Poly = {}
-        for m1, c1 in a.items():
-            for m2, c2 in b.items():
-                m = tuple(map(int.__add__, m1, m2))
-                out[m] = (out.get(m, 0) + c1 * c2) % P
-        if len(out) > MAX_TERMS or any(sum(m) > MAX_DEGREE for m in out):
+        out: dict[int, int] = {}
+        right = _packed(b).items()
+        for m1, c1 in _packed(a).items():
+            for m2, c2 in right:
+                m = m1 + m2
+                out[m] = out.get(m, 0) + c1 * c2
+        if len(out) > MAX_TERMS:
             return cast(Poly, None)
-        return {m: c for m, c in out.items() if c}
+        product = {tuple(m.to_bytes(len(self._one), "little")): c % P for m, c in out.items()}
+        return cast(Poly, None) if any(sum(m) > MAX_DEGREE for m in product) else {m: c for m, c in product.items() if c}
 
     def _normal(self, num: Poly, den: Poly) -> Ratio:
         if self._is_constant(den):
@@ -260,6 +262,11 @@ class Shadow:
             if all(num[m] == c * ratio % P for m, c in den.items()):
                 return ({self._one: ratio} if ratio else {}, self._unit)
         return (num, den)
+
+
+def _packed(poly: Poly) -> dict[int, int]:
+    """Returns a polynomial by the exponents as the bytes of a number: such numbers add without a carry, up to twice MAX_DEGREE."""
+    return {int.from_bytes(bytes(m), "little"): c for m, c in poly.items()}
 
 
 class Degrees:
