@@ -38,10 +38,12 @@ LEAST = 1e-300
 
 @dataclass(frozen=True)
 class Root:
-    """One root: its place, and the condition under which it exists. Elsewhere `point` is NaN or no root."""
+    """One root: its place, and the condition under which it exists. Elsewhere `point` is NaN or no root. `rate` is |g′| there, where it is
+    known better than by g′."""
 
     point: Expr
     exists: Cond = TRUE
+    rate: Expr | None = None
 
 
 @dataclass(frozen=True)
@@ -152,18 +154,20 @@ def _at_the_vertex(g: Expr, x: Var, origin: Expr, known: tuple[Expr, Expr, Expr]
 
         B² - 4AC = (2A·w + B)² - 4A·g(o + w)    for every w
 
-    With w near the vertex -B/2A the square is 0 to rounding, and g(o + w) keeps the digits that the user's formula has there: a chord of a
-    small disk, on a line as long as the box, is 0 to the rounding of B² - 4AC. Only where D depends on parameters alone: elsewhere its
-    roots are looked for, in its shortest form.
+    At the vertex w = -B/2A the square is 0, and g(o + w) keeps the digits that the user's formula has there: a chord of a small disk, on a
+    line as long as the box, is 0 to the rounding of B² - 4AC. A vertex that is further away than REACH is approached only. All this where D
+    depends on parameters alone: elsewhere its roots are looked for, in its shortest form.
     """
     a, b, d = known
     if d.free or not isinstance(d, Add) or all(isinstance(t, Param | Const) or _is_scaled(t) for t in d.children):
         return d
     double = mul(const(2), a)
-    scale = add(integer_power(double, 2), mul(const(REACH**-2), integer_power(b, 2)), const(LEAST))
+    square = integer_power(double, 2)
+    scale = square if isinstance(a, Const) else call("max", call("max", square, mul(const(REACH**-2), integer_power(b, 2))), const(LEAST))
     w = mul(MINUS_ONE, double, b, integer_power(scale, -1))
     value = cast(Expr, substitute(g, {x: add(origin, w)}))
-    return sub(integer_power(add(mul(double, w), b), 2), mul(const(4), a, value))
+    slope_there = mul(b, sub(scale, square), integer_power(scale, -1))
+    return sub(integer_power(slope_there, 2), mul(const(4), a, value))
 
 
 def _is_scaled(e: Node) -> bool:
@@ -188,17 +192,17 @@ def quadratic_roots(g: Expr, x: Var, origin: Expr = ZERO) -> tuple[Root, ...]:
     if b is ZERO or (isinstance(a, Const) and not _may_cancel(a, b, d)):
         half = div(root, mul(const(2), ex.const(abs(a.data)) if isinstance(a, Const) else call("magnitude", a)))
         middle = add(origin, tidy(mul(const(-0.5), div(b, a)))) if b is not ZERO else origin
-        return (Root(sub(middle, half), exists), Root(add(middle, half), exists))
+        return (Root(sub(middle, half), exists, root), Root(add(middle, half), exists, root))
     up = positive(b, strict=False)
     q = mul(const(-0.5), add(b, where(up, root, mul(MINUS_ONE, root))))
     larger, smaller = add(origin, div(q, a)), add(origin, div(c, q))  # by size, if the origin is 0
     real, has_larger, has_smaller = positive(d, strict=False), _not_zero(a), _not_zero(q)
     if isinstance(up, Truth):
-        return (Root(larger, conjunction(real, has_larger)), Root(smaller, conjunction(real, has_smaller)))
+        return (Root(larger, conjunction(real, has_larger), root), Root(smaller, conjunction(real, has_smaller), root))
     down = negation(up)  # the roots keep their names where B changes its sign: m - s and m + s
     first = conjunction(real, disjunction(conjunction(up, has_larger), conjunction(down, has_smaller)))
     second = conjunction(real, disjunction(conjunction(up, has_smaller), conjunction(down, has_larger)))
-    return (Root(where(up, larger, smaller), first), Root(where(up, smaller, larger), second))
+    return (Root(where(up, larger, smaller), first, root), Root(where(up, smaller, larger), second, root))
 
 
 def _may_cancel(a: Const, b: Expr, d: Expr) -> bool:

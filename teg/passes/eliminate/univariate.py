@@ -80,7 +80,7 @@ def sum_over_roots(g: Expr, coefficient: Expr, b: Binder, directions: Sequence[V
         rate_there = cast(Expr, substitute(rate, at))
         if rate_there is ZERO:
             return None  # g′ = 0 all along the surface: the formula does not apply
-        weight = simplify.integer_power(call("magnitude", rate_there), -1)
+        weight = simplify.integer_power(call("magnitude", rate_there) if root.rate is None else root.rate, -1)
         value = mul(weight, restrict(coefficient, at, g, directions))
         inside = signed_inside(root.point, b.lo, b.hi, g, b, value)
         terms.append(where(root.exists, inside, ZERO))

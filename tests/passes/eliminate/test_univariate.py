@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import pytest
 
@@ -112,3 +113,38 @@ def test_roots_tell_when_they_are_not_all() -> None:
     assert certain.certain
     assert unsure is not None
     assert not unsure.certain
+
+
+CHORDS = {"circle": (x - a) ** 2 + b * b < t, "ellipse": ((x - a) / 0.7) ** 2 + b * b < t}
+
+
+@pytest.mark.parametrize("backend", ["numpy", "c", pytest.param("jax", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(("name", "height"), [(n, h) for n in CHORDS for h in (1e-6, 1e-13)])
+def test_chords_that_hardly_are(name: str, height: float, backend: Any, x64_for_jax: None) -> None:
+    """A chord of half the length s = √(t - b²) has ∂t = 1/s. At its ends x = a ± s the rate 2(x - a) was that of rounded places."""
+    f = teg.compile(area(CHORDS[name]), [t, b], backend=backend)
+    gradient = f.grad(t=0.25 + height, a=0.55, b=0.5)
+    rate = (0.7 if name == "ellipse" else 1.0) / math.sqrt(0.25 + height - 0.25)
+    assert gradient["t"] == pytest.approx(rate, rel=1e-14)
+    assert gradient["b"] == pytest.approx(-rate, rel=1e-14)
+
+
+SQUARE = (x, 0, 1), (y, 0, 1)
+
+
+@pytest.mark.parametrize("backend", ["numpy", "c", pytest.param("jax", marks=pytest.mark.slow)])
+def test_second_derivatives_where_a_disk_touches_a_side(backend: Any, x64_for_jax: None) -> None:
+    """The area outside of a side goes with the power 3/2 of what reaches over it. The second derivative was -3.5e13, without a warning."""
+    f = teg.compile(teg.integral(teg.bracket((x - a) ** 2 + (y - b) ** 2 < t), *SQUARE), [t], backend=backend)
+    for at in ({"t": 0.25, "a": 0.5, "b": 0.5}, {"t": 0.25, "a": 0.5, "b": 0.6}, {"t": 0.09, "a": 0.3, "b": 0.6}):
+        assert f.hessian(at)["t", "t"] == -math.inf
+        assert f.diagnose(at)[-1].kind == "second derivative"
+    assert f.hessian(t=0.25 - 1e-9, a=0.5, b=0.5)["t", "t"] == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("backend", ["numpy", "c"])
+def test_second_derivatives_where_an_ellipse_touches_a_side(backend: Any) -> None:
+    inside = ((x - 0.5) / b) ** 2 + ((y - 0.5) / t) ** 2 < 1
+    f = teg.compile(teg.integral(teg.bracket(inside), *SQUARE), [t, b], backend=backend)
+    with pytest.warns(teg.AccuracyWarning):
+        assert not math.isfinite(f.hessian(t=0.5, b=0.5)["t", "t"])
