@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from teg.backends.numpy.key_edges import late_edges
-from teg.numerics.cells import BESIDE, BOX, EPSILON, NO_OWNER, ROUNDING, SIDES, Layout
+from teg.numerics.cells import BESIDE, BOX, EPSILON, NO_OWNER, NUDGE, ROUNDING, SIDES, Layout, apart
 
 Array = npt.NDArray[Any]
 UNIT = np.array([[0.0, 1.0], [0.0, 1.0]])
@@ -124,15 +124,33 @@ class Regions(NamedTuple):
         return Regions(*(field[which] for field in self))
 
 
-def regions_of(shape: Layout, rows: Array, counts: Array, shift: tuple[float, float] = (0.0, 0.0)) -> Regions:
-    """Returns the regions of squares that are moved by `shift`; `rows` are the candidates of all squares, `counts` of each."""
+class Moved(NamedTuple):
+    """How squares are moved, and the keys of their candidates taken apart: by `nudge`, in units of NUDGE of the largest key of each
+    square."""
+
+    shift: tuple[float, float] = (0.0, 0.0)
+    nudge: Array | None = None
+
+
+UNMOVED = Moved()
+
+
+def regions_of(shape: Layout, rows: Array, counts: Array, moved: Moved = UNMOVED) -> Regions:
+    """Returns the regions of squares; `rows` are the candidates of all squares, `counts` of each."""
     lane = np.repeat(np.repeat(np.arange(len(counts)), counts), shape.parts)
     row = np.repeat(np.arange(len(rows)), shape.parts)
     part = np.arange(len(row)) % shape.parts
     forms = rows[:, : shape.forms].reshape(len(rows), shape.forms // 3, 3)
-    if shift != (0.0, 0.0):
+    if moved.shift != (0.0, 0.0):
         forms = forms.copy()
-        forms[..., 0] += forms[..., 1] * shift[0] + forms[..., 2] * shift[1]
+        forms[..., 0] += forms[..., 1] * moved.shift[0] + forms[..., 2] * moved.shift[1]
+    if moved.nudge is not None:
+        forms = forms.copy()
+        of = np.repeat(np.arange(len(counts)), counts)
+        largest = np.zeros(len(counts))
+        np.maximum.at(largest, of, np.abs(forms[:, -1]).sum(axis=1))
+        number = np.arange(len(rows)) - np.repeat(np.cumsum(counts) - counts, counts)
+        forms[:, -1, 0] += (NUDGE * moved.nudge * largest)[of] * [apart(k) for k in number.tolist()]
     guards = forms[:, :-1].reshape(len(row), shape.guards, 3)
     return Regions(lane, row, part, guards, forms[row, -1])
 
@@ -185,21 +203,29 @@ def tolerances(difference: Array, key: Array, other: Array) -> Array:
     return EPSILON * np.hypot(difference[..., 1], difference[..., 2]) + ROUNDING * scale
 
 
+def _sides_at(at: Array) -> Array:
+    """Returns on how many sides of the square places, (…, 2), lie."""
+    found: Array = (np.abs(np.concatenate([at, 1.0 - at], axis=-1)) <= EPSILON).sum(axis=-1)
+    return found
+
+
 class Arrangements:
     """The cells of squares: `polygons`, the `owner` region of each (NO_OWNER for none) and its square `lane`; `lines` of all their edges.
 
-    `touching` are the squares with a line on a side, `ambiguous` those with an edge of equal keys that has no derivative.
-    `boxes` are tiles of squares in their place.
+    `touching` are the squares with a line on a side, `ambiguous` those with an edge of equal keys that has no derivative, `concurrent`
+    those where more keys are equal at one place than have a second derivative there: 1, 2 if it has no two sides.
+    `boxes` are tiles of squares in their place; `guarded` says where guards have lines in the square.
     """
 
-    def __init__(self, shape: Layout, regions: Regions, known: Inserted, boxes: Array = UNIT) -> None:
-        self.shape, self.regions, self.known = shape, regions, known
+    def __init__(self, shape: Layout, regions: Regions, known: Inserted, boxes: Array, guarded: Array) -> None:
+        self.shape, self.regions, self.known, self._guarded = shape, regions, known, guarded
         lanes = len(known.base)
         sides = np.broadcast_to(boxes, (lanes, 2, 2))
         corners = np.stack([sides[:, 0, [0, 1, 1, 0]], sides[:, 1, [0, 0, 1, 1]]], axis=2)
         self.polygons = Polygons(corners, np.broadcast_to(np.array([4, 2, 6, 0]), (lanes, 4)), np.full(lanes, 4))
         self.owner, self.lane = known.base.copy(), np.arange(lanes)
-        self.touching, self.ambiguous = np.zeros(lanes, dtype=bool), np.zeros(lanes, dtype=bool)
+        self.touching, self.ambiguous = np.zeros((2, lanes), dtype=bool)
+        self.concurrent = np.zeros(lanes, dtype=int)
         self._tied = np.zeros(lanes, dtype=bool)  # something else has the line of an edge on which two keys are equal
         self._count = BOX + known.cutting.size
         self._keys: list[Lines] = []
@@ -245,10 +271,34 @@ class Arrangements:
         d = difference[:, :1] + difference[:, 1:2] * cells.corners[..., 0] + difference[:, 2:] * cells.corners[..., 1]
         above, below = (d > tolerance).any(axis=1), (d < -tolerance).any(axis=1)
         owned = owner != NO_OWNER
-        on = np.abs(d) <= tolerance
-        on &= cells.used() & np.take_along_axis(on, cells.following(), axis=1)
+        on = (np.abs(d) <= tolerance) & cells.used()
+        if self.shape.order:
+            self._note_concurrent(owner, cells, on & ((above | below) & owned & ~self._guarded[self.regions.lane[region]])[:, None])
+        on &= np.take_along_axis(on, cells.following(), axis=1)
         on &= (owned & (above != below))[:, None]
         return difference, on, owned & ~above & (below | (region > owner)), owned & above & below
+
+    def _note_concurrent(self, owners: Array, cells: Polygons, on: Array) -> None:
+        """Notes squares where a further key is equal to the owner's at corners of a cell, those that are `on` its line; not along a side of
+        the square."""
+        following = cells.following()
+        along = on & np.take_along_axis(on, following, axis=1) & (cells.labels < 2 * BOX)
+        ends = np.zeros_like(on)
+        some, place = np.nonzero(along)
+        ends[some, following[some, place]] = True
+        some, place = np.nonzero(on & ~along & ~ends)
+        if not some.size:
+            return
+        owner, at = owners[some], cells.corners[some, place]
+        lane = self.regions.lane[owner]
+        first, last = (np.searchsorted(self.regions.lane, lane, side) for side in ("left", "right"))
+        corner = np.repeat(np.arange(len(at)), last - first)
+        other = np.arange(len(corner)) - np.repeat(np.cumsum(last - first) - last, last - first)
+        key, behind = self.regions.key[owner[corner]], self.regions.key[other]
+        difference = key - behind
+        values = difference[:, 0] + (difference[:, 1:] * at[corner]).sum(axis=1)
+        equal = np.bincount(corner, np.abs(values) <= tolerances(difference, key, behind), len(at))
+        np.maximum.at(self.concurrent, lane, np.where(equal + _sides_at(at) > 4, 2, 1))
 
     def _note(self, cells: Polygons, which: tuple[Array, Array], on: Array, region: Array) -> None:
         """Notes squares where regions have lines on edges: on sides, or where two keys are equal. `which` cells of all and of these."""

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from teg.backends.numpy.arrangement import Arrangements, classified, regions_of
+from teg.backends.numpy.arrangement import UNMOVED, Arrangements, Moved, classified, regions_of
 from teg.backends.numpy.measured import Measured, Numbers
 from teg.backends.numpy.tiles import tiled
 from teg.numerics.cell_integrals import integrals
@@ -90,32 +90,45 @@ def _single(shape: Layout, given: Lanes, lane: int, results: Results) -> None:
 
 
 def _cut(shape: Layout, given: Lanes, slopes: bool) -> Results:
-    """Computes lanes that are cut; where a line lies on a side, derivatives are the mean of both sides."""
+    """Computes lanes that are cut; where a line lies on a side, or keys meet that have no second derivative there, derivatives are the mean
+    of both sides."""
     numbers = _numbers(shape, given)
-    lanes = len(given.counts)
-    measured, touching = _measured(shape, given, numbers, (0.0, 0.0))
-    values, sizes = measured.values(lanes)
+    measured, touching, concurrent = _measured(shape, given, numbers, UNMOVED)
+    values, sizes = measured.values(len(given.counts))
     if not slopes and not shape.order:
         return Results(values, sizes, [])
     tables = measured.tables()
-    moved = np.flatnonzero(touching)
-    if moved.size:
-        some, places = given.take(moved)
-        own = _numbers(shape, some)
-        sides = [_measured(shape, some, own, (sign * SHIFT, sign * SHIFT * SKEW))[0].tables() for sign in (1.0, -1.0)]
-        for table, one, other in zip(tables, *sides, strict=True):
-            table[places] = 0.5 * (one + other)
+    for which, shift in ((touching, SHIFT), ((concurrent > 0) & ~touching, 0.0)):
+        lanes = np.flatnonzero(which)
+        if not lanes.size:
+            continue
+        some, places = given.take(lanes)
+        own, nudge = _numbers(shape, some), (concurrent[lanes] > 0).astype(float)
+        moves = [Moved((sign * shift, sign * shift * SKEW), sign * nudge if nudge.any() else None) for sign in (1.0, -1.0)]
+        lost = (concurrent[lanes] > 1)[own.square, None]
+        for table, one, other in zip(tables, *(_measured(shape, some, own, moved)[0].tables() for moved in moves), strict=True):
+            table[places] = np.where(lost, np.nan, 0.5 * (one + other))
     if shape.order:
         values = np.stack([_along(shape, table, k, (given, numbers)) for k, table in enumerate(tables)])
     return Results(values, sizes, tables if slopes else [])
 
 
-def _measured(shape: Layout, given: Lanes, numbers: Numbers, shift: tuple[float, float]) -> tuple[Measured, Array]:
-    regions = regions_of(shape, given.rows, given.counts, shift)
-    tiles = tiled(regions, classified(regions, len(given.counts)))
-    cells = Arrangements(shape, tiles.regions, tiles.known, tiles.boxes)
-    touching = np.bincount(tiles.square, cells.touching, len(given.counts)) > 0
-    return Measured(shape, cells, numbers, shift, tiles.square[cells.lane]), touching
+def _measured(shape: Layout, given: Lanes, numbers: Numbers, moved: Moved) -> tuple[Measured, Array, Array]:
+    """Returns squares as they are `moved`, and which of them are touching, and concurrent (`Arrangements`)."""
+    regions = regions_of(shape, given.rows, given.counts, moved)
+    known = classified(regions, len(given.counts))
+    guarded = np.zeros(len(given.counts), dtype=bool)
+    guarded[regions.lane[known.order[known.cutting[known.order].any(axis=1)]]] = True
+    tiles = tiled(regions, known)
+    cells = Arrangements(shape, tiles.regions, tiles.known, tiles.boxes, guarded[tiles.square])
+    if moved.nudge is not None:
+        cells.ambiguous |= (cells.concurrent > 0) & (moved.nudge[tiles.square] != 0.0)
+    touching, concurrent = np.zeros(len(given.counts), dtype=bool), np.zeros(len(given.counts), dtype=int)
+    touching[tiles.square[cells.touching]] = True
+    np.maximum.at(concurrent, tiles.square, cells.concurrent)
+    ambiguous = np.bincount(tiles.square, cells.ambiguous, len(given.counts)) > 0
+    concurrent[(touching | ambiguous) & (concurrent > 0)] = 2
+    return Measured(shape, cells, numbers, moved.shift, tiles.square[cells.lane]), touching, concurrent
 
 
 def _numbers(shape: Layout, given: Lanes) -> Numbers:

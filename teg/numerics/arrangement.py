@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from teg.numerics.cells import BESIDE, BOX, EPSILON, NO_OWNER, ROUNDING, SIDES, Form, Layout, Point, Row
+from teg.numerics.cells import BESIDE, BOX, EPSILON, NO_OWNER, NUDGE, ROUNDING, SIDES, Form, Layout, Point, Row, apart
 from teg.numerics.key_edges import assign_key_edges, flat
 
 
@@ -60,11 +60,19 @@ def _half(cell: Cell, d: Sequence[float], side: float, label: int) -> Cell:
     return Cell(cell.owner, corners, labels)
 
 
-class Arrangement:
-    """The cells of the square, moved by `shift`. Regions are parts of candidates: part j of candidate k is region k·parts + j."""
+def _sides_at(at: Point) -> int:
+    """Returns on how many sides of the square a place lies."""
+    return sum(abs(d) <= EPSILON for d in (at[0], 1.0 - at[0], at[1], 1.0 - at[1]))
 
-    def __init__(self, shape: Layout, candidates: Sequence[Row], shift: Point) -> None:
+
+class Arrangement:
+    """The cells of the square, moved by `shift`. Regions are parts of candidates: part j of candidate k is region k·parts + j. Keys are
+    taken apart by `nudge`, in units of NUDGE of the largest of them."""
+
+    def __init__(self, shape: Layout, candidates: Sequence[Row], shift: Point = (0.0, 0.0), nudge: float = 0.0) -> None:
         self.shape, self.candidates, self.shift = shape, candidates, shift
+        self.nudge = nudge * NUDGE * max((sum(map(abs, row[shape.forms - 3 : shape.forms])) for row in candidates), default=0.0)
+        self.concurrent = 0  # whether more keys are equal at one place than have a second derivative there: 1, 2 if it has no two sides
         self.lines = [Line(side, 1.0, ()) for side in SIDES]
         self.guards: dict[int, list[int]] = {}  # of a line that is one: all lines of its region
         self.touching = False
@@ -79,17 +87,20 @@ class Arrangement:
                 self.undefined |= not all(map(math.isfinite, self._key(region)))
         if self.undefined:
             present = []
+        self.present = [region for region, _ in present]
         base = min((self._most(r), r) for r, cutting in present if not cutting)[1] if any(not c for _, c in present) else NO_OWNER
         box = Cell(base, [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)], [2 * 2, 2 * 1, 2 * 3, 2 * 0])
         self.cells = [box]
         self.key_lines: dict[tuple[int, int], int] = {}
         rest = [(self._middle(r), r, cutting) for r, cutting in present if r != base and not self._is_hidden(r, base)]
+        self.guarded = any(cutting for _, _, cutting in rest)
         self.inserted: list[int] = []  # the lines of guards, nearest region first
         for _, region, cutting in sorted(rest, key=lambda entry: entry[:2]):
             self.inserted += cutting
             self._insert(region, cutting)
         if self.tied:
             assign_key_edges(self, present)
+        self.concurrent = 2 if self.concurrent and (self.touching or self.ambiguous) else self.concurrent
 
     def form(self, candidate: int, column: int) -> Form:
         """Returns a form of a candidate in the coordinates of the square."""
@@ -117,7 +128,9 @@ class Arrangement:
         return cutting
 
     def _key(self, region: int) -> Form:
-        return self.form(region // self.shape.parts, self.shape.forms - 3)
+        candidate = region // self.shape.parts
+        c, a, b = self.form(candidate, self.shape.forms - 3)
+        return (c + self.nudge * apart(candidate) if self.nudge else c), a, b
 
     def _most(self, region: int) -> float:
         c, a, b = self._key(region)
@@ -164,11 +177,25 @@ class Arrangement:
                 most, least = max(d), min(d)
                 if (most > tolerance) != (least < -tolerance):
                     self._note(cell, [abs(v) <= tolerance for v in d], cutting)
+                if self.shape.order and not self.guarded and max(most, -least) > tolerance:
+                    self._note_concurrent(cell, [abs(v) <= tolerance for v in d])
                 if most <= tolerance and (least < -tolerance or region > cell.owner):
                     continue
                 if most > tolerance and least < -tolerance:
                     needed = self._key_line(cell.owner, region, g)
             self._clip(number, region, cutting, needed)
+
+    def _note_concurrent(self, cell: Cell, on: Sequence[bool]) -> None:
+        """Notes that a further key is equal to the owner's at corners of a cell, those that are `on` its line; not along a side of the
+        square."""
+        along = [label < 2 * BOX and on[i] and on[(i + 1) % len(on)] for i, label in enumerate(cell.labels)]
+        for i, (x, y) in enumerate(cell.corners):
+            if on[i] and not along[i] and not along[i - 1]:
+                equal = 0
+                for region in self.present:
+                    g, tolerance = self.difference(cell.owner, region)
+                    equal += abs(g[0] + g[1] * x + g[2] * y) <= tolerance
+                self.concurrent = max(self.concurrent, 2 if equal + _sides_at((x, y)) > 4 else 1)
 
     def _note(self, cell: Cell, on: Sequence[bool], lines: Sequence[int]) -> None:
         """Notes whether a region has a line on an edge, both ends of which are `on` it: a side of the square, or a line of equal keys."""

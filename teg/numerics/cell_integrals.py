@@ -25,23 +25,29 @@ def integrals(shape: Layout, candidates: Sequence[Row], otherwise: Row, slopes: 
     `shape.order` is 1. `otherwise` are the coefficients where there is no candidate, and their direction. Then the values are the
     derivatives along the direction, and a table has the derivatives of these by the numbers, and behind them by the direction.
     """
-    here = Arrangement(shape, candidates, (0.0, 0.0))
+    here = Arrangement(shape, candidates)
     measured = Measured(shape, here, candidates, otherwise)
     values, sizes = measured.values()
     if not slopes and not shape.order:
         return Integrals(values, sizes, [])
     tables = measured.tables()
-    if here.touching:
-        moved = []
-        for sign in (1.0, -1.0):
-            there = Arrangement(shape, candidates, (sign * SHIFT, sign * SHIFT * SKEW))
-            moved.append(Measured(shape, there, candidates, otherwise).tables())
-        tables = [
-            [[0.5 * (a + b) for a, b in zip(r, s, strict=True)] for r, s in zip(p, q, strict=True)] for p, q in zip(*moved, strict=True)
-        ]
+    if here.touching or here.concurrent:
+        tables = _means(here, candidates, otherwise)
     if shape.order:
         values = [_along(table, shape, k, candidates, otherwise) for k, table in enumerate(tables)]
     return Integrals(values, sizes, tables)
+
+
+def _means(here: Arrangement, candidates: Sequence[Row], otherwise: Row) -> list[list[list[float]]]:
+    """Returns the tables of a square with something on its sides, or with more equal keys at one place than have a second derivative
+    there: as means of both sides."""
+    sides = []
+    for sign in (1.0, -1.0):
+        shift = (sign * SHIFT, sign * SHIFT * SKEW) if here.touching else (0.0, 0.0)
+        there = Arrangement(here.shape, candidates, shift, sign * bool(here.concurrent))
+        there.ambiguous |= here.concurrent > 1 or (here.concurrent > 0 and there.concurrent > 0)
+        sides.append(Measured(here.shape, there, candidates, otherwise).tables())
+    return [[[0.5 * (a + b) for a, b in zip(r, s, strict=True)] for r, s in zip(p, q, strict=True)] for p, q in zip(*sides, strict=True)]
 
 
 def _along(table: Sequence[Row], shape: Layout, body: int, candidates: Sequence[Row], otherwise: Row) -> float:

@@ -16,7 +16,9 @@ there are NaN). Edges of several candidates that lie on each other have the deri
 two keys belongs to the key of one with + and to that of the other with -; where several pairs have one line, each edge to the owners of its
 two sides (`key_edges.py`; second derivatives are NaN there, and all are where a third key is equal to theirs along an
 edge). Along a direction (`order` 1) the corners of the cells move as
-the intersections of the lines of their edges do, and with them everything above, by the product rule.
+the intersections of the lines of their edges do, and with them everything above, by the product rule. Second derivatives jump where four
+keys are equal at one place, or three on a side of the square, or two at its corner, as among sites on a grid. Without guards' lines they
+are the mean of taking the keys apart and the opposite of it, NaN with more keys at one place.
 
 A candidate is absent where one of its guards is below 0 on all of the square, whatever its other numbers are; a guard or a key of another
 one that is not finite makes everything NaN. Equal keys: the lower index. A corner nearer than EPSILON to a line lies on it: common edges of
@@ -42,6 +44,8 @@ SHIFT = 1e-11
 """The distance by which the square is moved where a line lies on its side."""
 SKEW = 0.7
 """The second coordinate of that step, in units of the first."""
+NUDGE = 1e-10
+"""The size of what is added to keys where more of them are equal at one place than have a second derivative there, relative to theirs."""
 ROUNDING = 1e-13
 """The rounding of a key, relative to its constant."""
 SAME, PLACES = 1e-10, 8
@@ -60,6 +64,13 @@ SIDES = ((0.0, 1.0, 0.0), (1.0, -1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, -1.0))
 Form = tuple[float, float, float]
 Point = tuple[float, float]
 Row = Sequence[float]
+
+
+def apart(candidate: int) -> float:
+    """Returns what is added to the key of a candidate, in [-1, 1): numbers without an order, so that no few of them cancel."""
+    h = candidate * 2654435761 & 0xFFFFFFFF
+    h = (h ^ h >> 15) * 2246822519 & 0xFFFFFFFF
+    return (h ^ h >> 13) / 2.0**31 - 1.0
 
 
 class Layout(NamedTuple):

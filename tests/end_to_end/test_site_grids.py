@@ -177,9 +177,64 @@ def test_three_keys_equal_on_a_line_have_no_derivative(backend: str, order: list
     assert np.isnan(gradient["A"]).any()
 
 
+def sides_and_product(f: Any, given: dict[str, Any], direction: dict[str, Any], h: float = 1e-6) -> list[np.ndarray]:
+    """Derivatives of the gradient along a direction, from behind and ahead, and the product with the Hessian, each (numbers,)."""
+
+    def gradient(step: float) -> np.ndarray:
+        there = {n: v + step * direction[n] if n in direction else v for n, v in given.items()}
+        return np.concatenate([np.ravel(v) for v in f.grad(**there).values()])
+
+    behind, ahead = (gradient(-h) - gradient(-2 * h)) / h, (gradient(2 * h) - gradient(h)) / h
+    return [behind, ahead, np.concatenate([np.ravel(v) for v in f.hvp(given, direction).values()])]
+
+
 @pytest.mark.parametrize("backend", ["c", "numpy"])
-def test_second_derivatives_of_grids_are_not_known(programs: Any, backend: str) -> None:
-    given = given_for(SITES["shuffled grid 3, 1"])
+@pytest.mark.parametrize("kind", ["nearest", "minimum"])
+@pytest.mark.parametrize("name", ["grid 2", "shuffled grid 3, 1", "hexagonal", "turned grid"])
+def test_second_derivatives_of_grids_are_means(programs: Any, name: str, kind: str, backend: str) -> None:
+    """Four sites around one place may be taken apart in two ways. Where several pairs have one bisector, the derivatives were NaN."""
+    given = given_for(SITES[name])
+    given, direction = ({n: v for n, v in numbers.items() if kind == "nearest" or n != "V"} for numbers in (given, directions(given, 2)))
+    behind, ahead, product = sides_and_product(programs[kind, backend], given, direction)
+    np.testing.assert_allclose(product, (behind + ahead) / 2, atol=1e-3 * np.abs(product).max())
+
+
+@pytest.fixture(scope="module")
+def colours() -> dict[str, Any]:
+    k = teg.index("k")
+    x, y = teg.vars("x y")
+    S, V = teg.array("S", 2), teg.array("V")
+    nearest = teg.nearest(V[k], (x - S[k, 0]) ** 2 + (y - S[k, 1]) ** 2, (k, 0, teg.length(V)))
+    e = teg.integral(nearest, (x, 0, 1), (y, 0, 1))
+    return {backend: teg.compile(e, [S], backend=backend) for backend in ("c", "numpy")}  # type: ignore[call-overload]
+
+
+PLACES = {
+    "three sites around a place on a side": [[0, 0], [1, 0], [0.5, 0.5]],
+    "the same, one cell outside": [[0, 0], [1, 0], [0.5, -0.5]],
+    "a bisector through corners": [[0, 0], [1, 1]],
+    "a bisector past a corner": [[1, 0.5], [1.5, 1]],
+    "four sites around a place": [[0.25, 0.25], [0.75, 0.25], [0.75, 0.75], [0.25, 0.75]],
+    "four sites on a circle": [[0.9, 0.5], [0.5, 0.9], [0.1, 0.5], [0.74, 0.82]],
+}
+
+
+@pytest.mark.parametrize("backend", ["c", "numpy"])
+@pytest.mark.parametrize("name", PLACES)
+def test_second_derivatives_that_jump_are_means(colours: Any, name: str, backend: str) -> None:
+    """They were outside of both sides, without a warning."""
+    given = {"S": np.array(PLACES[name], dtype=float), "V": np.array([0.0, 1.0, 3.0, 7.0])[: len(PLACES[name])]}
+    direction = {"S": np.array([[1.0, -2.0], [3.0, 2.0], [7.0, 10.0], [-4.0, 3.0]])[: len(PLACES[name])]}
+    behind, ahead, product = sides_and_product(colours[backend], given, direction)
+    assert np.abs(behind - ahead).max() > 0.1
+    np.testing.assert_allclose(product, (behind + ahead) / 2, atol=1e-3 * np.abs(product).max())
+
+
+@pytest.mark.parametrize("backend", ["c", "numpy"])
+@pytest.mark.parametrize("sites", [[[0, 0.5], [0, 1.5], [-0.5, 1]], [[0.9, 0.5], [0.5, 0.9], [0.1, 0.5], [0.5, 0.1], [0.74, 0.82]]])
+def test_second_derivatives_with_more_than_two_sides_are_not_known(colours: Any, sites: list[list[float]], backend: str) -> None:
+    """Three sites around a corner of the box, and five around a place."""
+    given = {"S": np.array(sites, dtype=float), "V": np.arange(float(len(sites)))}
     with pytest.warns(teg.AccuracyWarning):
-        product = programs["nearest", backend].hvp(given, directions(given, 2))
+        product = colours[backend].hvp(given, {"S": np.ones((len(sites), 2))})
     assert np.isnan(product["S"]).any()

@@ -9,7 +9,19 @@ from pathlib import Path
 
 from teg.backends.c.chunks import MARKED
 from teg.backends.c.text import identifiers
-from teg.numerics.cells import BESIDE, EPSILON, MOST_DEGREE, MOST_GUARDS, PLACES, SAME, SHIFT, SKEW, TILE_AT, monomials
+from teg.numerics.cells import (
+    BESIDE,
+    EPSILON,
+    MOST_DEGREE,
+    MOST_GUARDS,
+    NUDGE,
+    PLACES,
+    SAME,
+    SHIFT,
+    SKEW,
+    TILE_AT,
+    monomials,
+)
 from teg.numerics.cells import ROUNDING as KEY_ROUNDING
 from teg.numerics.polyhedra import SIDES, box_edges
 from teg.program import (
@@ -165,6 +177,7 @@ LIMITS = {
     "TEG_SAME": SAME,
     "TEG_ANGLES": 10.0**PLACES,
     "TEG_GUARDS": MOST_GUARDS,
+    "TEG_NUDGE": NUDGE,
     "TEG_SHIFT": SHIFT,
     "TEG_SKEW": SKEW,
     "TEG_MONOMIALS": len(monomials(MOST_DEGREE)),

@@ -83,15 +83,16 @@ typedef struct {
 
 //: teg_arrangement
 /* The cells of a tile of the square, from (u[0], v[0]) to (u[1], v[1]), moved by (su, sv), and all that they are made of. Arrays begin on the
-   stack, and move to the heap as they grow. `tied`: something else has the line of an edge on which two keys are equal; `ambiguous`: such an
-   edge has no derivative; `alone`: it is known that no two regions have one line; `last`: the last region is being inserted, and cells of
-   the base need not be there. */
+   stack, and move to the heap as they grow. `nudge`: how far keys are taken apart; `guarded`: guards have lines in the square; `tied`: something
+   else has the line of an edge on which two keys are equal; `ambiguous`: such an edge has no derivative; `concurrent`: more keys are equal at
+   one place than have a second derivative there, 2 if it has no two sides; `alone`: it is known that no two regions have one line; `last`:
+   the last region is being inserted, and cells of the base need not be there. */
 typedef struct {
     const teg_shape *shape;
     const double *rows;
     int64_t n;
-    double su, sv, u[2], v[2];
-    int touching, undefined, failed, tied, ambiguous, alone, last;
+    double su, sv, nudge, u[2], v[2];
+    int touching, concurrent, guarded, undefined, failed, tied, ambiguous, alone, last;
     int64_t base;
     teg_cell *cells;
     size_t cell_count, cell_room;
@@ -216,6 +217,18 @@ static inline void teg_form(const teg_arrangement *r, int64_t candidate, int col
 {
     const double *const f = r->rows + candidate * teg_row(TEG_SHAPE(r->shape)) + column;
     g[0] = f[0] + f[1] * r->su + f[2] * r->sv, g[1] = f[1], g[2] = f[2];
+}
+
+//: teg_key_form
+/* The key of a candidate in the coordinates of the square. What is added to take keys apart has no order, so that no few of them cancel. */
+static inline void teg_key_form(const teg_arrangement *r, int64_t candidate, double *g)
+{
+    teg_form(r, candidate, teg_forms(TEG_SHAPE(r->shape)) - 3, g);
+    if (TEG_SHAPE(r->shape)->order && r->nudge != 0.0) {
+        uint32_t h = (uint32_t)candidate * 2654435761u;
+        h = (h ^ h >> 15) * 2246822519u;
+        g[0] += r->nudge * ((h ^ h >> 13) / 2147483648.0 - 1.0);
+    }
 }
 
 //: teg_least_of
@@ -449,9 +462,8 @@ static int teg_late_line(teg_arrangement *r, int64_t owner, int64_t candidate, c
 static inline double teg_key_difference(const teg_arrangement *r, int64_t behind, int64_t before, double *g)
 {
     double f[3], size;
-    const int column = teg_forms(TEG_SHAPE(r->shape)) - 3;
-    teg_form(r, behind, column, g);
-    teg_form(r, before, column, f);
+    teg_key_form(r, behind, g);
+    teg_key_form(r, before, f);
     size = teg_most_of(fabs(g[0]), fabs(f[0]));
     g[0] -= f[0], g[1] -= f[1], g[2] -= f[2];
     return size;
@@ -462,6 +474,36 @@ static inline double teg_key_difference(const teg_arrangement *r, int64_t behind
 static inline double teg_key_tolerance(const double *g, double size)
 {
     return TEG_ON_LINE * sqrt(g[1] * g[1] + g[2] * g[2]) + TEG_KEY_ROUNDING * size;
+}
+
+//: teg_sides_at
+/* On how many sides of the square a place lies. */
+static inline int teg_sides_at(double x, double y)
+{
+    const int u = fabs(x) <= TEG_ON_LINE || fabs(1.0 - x) <= TEG_ON_LINE, v = fabs(y) <= TEG_ON_LINE || fabs(1.0 - y) <= TEG_ON_LINE;
+    return u + v;
+}
+
+//: teg_note_concurrent
+/* Note that a further key is equal to the owner's at corners of a cell, those where d is 0 to a tolerance; not along a side of the square. */
+static void teg_note_concurrent(teg_arrangement *r, int64_t owner, size_t at, int n, double tolerance)
+{
+    const int parts = TEG_SHAPE(r->shape)->parts;
+    for (int i = 0; i < n && r->concurrent < 2; i++) {
+        const int before = (i ? i : n) - 1, after = i + 1 < n ? i + 1 : 0;
+        const double x = r->x[at + i], y = r->y[at + i];
+        int equal = 0;
+        if (fabs(r->d[i]) > tolerance) continue;
+        if (fabs(r->d[after]) <= tolerance && r->label[at + i] < 8) continue;
+        if (fabs(r->d[before]) <= tolerance && r->label[at + before] < 8) continue;
+        for (size_t k = 0; k < r->region_count + (r->base >= 0); k++) {
+            const int64_t region = k < r->region_count ? r->regions[k].region : r->base;
+            double g[3];
+            const double size = teg_key_difference(r, owner / parts, region / parts, g);
+            equal += fabs(g[0] + g[1] * x + g[2] * y) <= teg_key_tolerance(g, size);
+        }
+        r->concurrent = equal + teg_sides_at(x, y) > 4 ? 2 : 1;
+    }
 }
 
 //: teg_insert_in_cell
@@ -488,6 +530,7 @@ static void teg_insert_in_cell(teg_arrangement *r, const teg_region *region, siz
                 const double d = r->d[i] = g[0] + g[1] * r->x[at + i] + g[2] * r->y[at + i];
                 above |= d > tolerance, below |= d < -tolerance, equal |= fabs(d) <= tolerance;
             }
+        if (TEG_SHAPE(r->shape)->order && !r->guarded && equal && (above || below)) teg_note_concurrent(r, owner, at, n, tolerance);
         if (above != below && equal) teg_touch(r, region, n, r->x + at, r->y + at, r->label + at, tolerance);
         if (!above && (below || region->region > owner)) return;
         if (above && below) extra = teg_key_line(r, owner / parts, region->region / parts, g);
@@ -645,7 +688,7 @@ static void teg_select(teg_arrangement *r, const int64_t *list, int64_t regions)
         region = r->regions + r->region_count;
         region->region = list ? list[k] : k;
         present = teg_present(r, region);
-        teg_form(r, region->region / s->parts, teg_forms(s) - 3, g);
+        teg_key_form(r, region->region / s->parts, g);
         r->undefined |= present & !((fabs(g[0]) < INFINITY) & (fabs(g[1]) < INFINITY) & (fabs(g[2]) < INFINITY));
         region->middle = g[0] + 0.5 * (r->u[0] + r->u[1]) * g[1] + 0.5 * (r->v[0] + r->v[1]) * g[2];
         highest = teg_highest(r, g);
@@ -690,13 +733,13 @@ static int teg_held(const teg_arrangement *r, const teg_region *region, const do
    interval, whose keys have no v, may be three in one point: the pair that is there counts. */
 static int64_t teg_beyond(teg_arrangement *r, int64_t owner, int64_t partner, const double *edge)
 {
-    const int parts = TEG_SHAPE(r->shape)->parts, column = teg_forms(TEG_SHAPE(r->shape)) - 3;
+    const int parts = TEG_SHAPE(r->shape)->parts;
     const double length = sqrt(edge[2] * edge[2] + edge[3] * edge[3]);
     const teg_region base = {0.0, r->base, 0, 0, 0};
     double steepest = 0.0, own[3];
     int64_t nearest = -1;
     if (length <= TEG_ON_LINE) return -1;
-    teg_form(r, owner / parts, column, own);
+    teg_key_form(r, owner / parts, own);
     for (size_t k = 0; k < r->region_count + (r->base >= 0); k++) {
         const teg_region *const region = k < r->region_count ? r->regions + k : &base;
         double part[2], g[3], d, e, slope, flat, tolerance;

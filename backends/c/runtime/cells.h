@@ -275,9 +275,15 @@ static inline int teg_is_tiled(const teg_arrangement *r, int level, size_t all)
     return r->region_count > TEG_MANY_IN_TILE && r->line_count < r->region_count && (size_t)4 << (2 * level) <= all;
 }
 
+//: teg_is_moved_later
+/* Whether the tables of a square are left to squares that are moved, or whose keys are taken apart. */
+static inline int teg_is_moved_later(const teg_arrangement *r)
+{
+    return (r->touching || r->concurrent) && r->su == 0.0 && r->nudge == 0.0;
+}
+
 //: teg_tile
-/* Add values, sizes and tables (`wanted`, each NULL if it is not) of a tile with the regions of a list. Where something touches a side
-   tables are left to the moved squares. */
+/* Add values, sizes and tables (`wanted`, each NULL if it is not) of a tile with the regions of a list. */
 static void teg_tile(teg_arrangement *r, const int64_t *list, int64_t regions, int level, size_t all, const double *otherwise,
     double *const *wanted)
 {
@@ -286,10 +292,10 @@ static void teg_tile(teg_arrangement *r, const int64_t *list, int64_t regions, i
     int64_t *seen, count = 0;
     teg_select(r, list, regions);
     if (r->undefined || r->failed) return;
-    if (level == 0) all = r->region_count;
+    if (level == 0) all = r->region_count, r->guarded = r->line_count > 4;
     if (!teg_is_tiled(r, level, all)) {
         if (r->region_count) teg_arrange(r, 0);
-        if (!r->failed) teg_measure(r, otherwise, wanted[0], wanted[1], r->touching && r->su == 0.0 ? NULL : wanted[2]);
+        if (!r->failed) teg_measure(r, otherwise, wanted[0], wanted[1], teg_is_moved_later(r) ? NULL : wanted[2]);
         return;
     }
     seen = malloc((r->region_count + 1) * sizeof *seen);
@@ -388,15 +394,25 @@ static void teg_end(teg_arrangement *r)
 }
 
 //: teg_moved_tables
-/* The tables of a square with something on its sides: the means of those of two squares that are moved a little. */
+/* The tables of a square with something on its sides, or with more equal keys at one place than have a second derivative there: the means of
+   those of two squares that are moved a little, or whose keys are taken apart a little. */
 static void teg_moved_tables(teg_arrangement *r, const double *otherwise, double *tables)
 {
     const teg_shape *const s = TEG_SHAPE(r->shape);
     const size_t size = teg_table_size(s, r->n);
+    const double shift = r->touching ? TEG_SHIFT : 0.0;
+    const int concurrent = s->order && r->concurrent ? r->concurrent + r->touching + r->ambiguous : 0;
+    double nudge = 0.0;
+    for (int64_t k = 0; k < r->n && concurrent; k++) {
+        const double *const key = r->rows + k * teg_row(s) + teg_forms(s) - 3;
+        nudge = teg_most_of(nudge, TEG_NUDGE * (fabs(key[0]) + fabs(key[1]) + fabs(key[2])));
+    }
+    if (concurrent) r->ambiguous = concurrent > 1;
     for (size_t k = 0; k < size; k++) tables[k] = 0.0;
     for (int k = 0; k < 2 && !r->failed; k++) {
-        r->su = k ? -TEG_SHIFT : TEG_SHIFT, r->sv = TEG_SKEW * r->su;
+        r->su = k ? -shift : shift, r->sv = TEG_SKEW * r->su, r->nudge = k ? -nudge : nudge, r->concurrent = 0;
         teg_tile(r, NULL, r->n * s->parts, 0, 0, otherwise, (double *const[]){NULL, NULL, tables});
+        if (concurrent && r->concurrent) r->ambiguous = 1;
     }
     for (size_t k = 0; k < size; k++) tables[k] *= 0.5;
 }
@@ -436,7 +452,7 @@ static int teg_cells(
     if (!r->failed) {
         for (size_t k = 0; tables && k < size; k++) tables[k] = 0.0;
         teg_tile(r, NULL, n * s->parts, 0, 0, otherwise, (double *const[]){values, sizes, tables});
-        if (tables && r->touching) teg_moved_tables(r, otherwise, tables);
+        if (tables && teg_is_moved_later(r)) teg_moved_tables(r, otherwise, tables);
         for (size_t k = 0; tables && r->undefined && k < size; k++) tables[k] = NAN;
         if (tables && r->ambiguous) teg_no_slopes(s, n, tables);
         for (int body = 0; body < s->bodies; body++) {
