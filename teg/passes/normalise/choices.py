@@ -26,6 +26,7 @@ from teg.ir.node import Node, postorder
 from teg.ir.operands import as_number, less
 from teg.ir.simplify import add, bracket, conjunction, disjunction, integer_power, mul, negation, positive, sub, where
 from teg.ir.traverse import rebuild, replace_node
+from teg.passes.normalise.bounded_choices import with_bounds_of_all
 from teg.passes.normalise.padded import at_place, most_of
 from teg.passes.normalise.partitions import MOST_WRITTEN, Refused, partitioned
 from teg.passes.normalise.sums import NeedsLengths
@@ -38,7 +39,7 @@ def without_choices(root: Expr) -> Expr:
     """
     if not has_choices(root):
         return root
-    root = rename_indices(_rewritten(root, _without_brackets))
+    root = rename_indices(_rewritten(with_bounds_of_all(root), _without_brackets))
     new: dict[Node, Expr] = {}
     for node in postorder([root]):
         if isinstance(node, Integral) and not node.free and has_choices(node, inside=True):
