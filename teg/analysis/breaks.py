@@ -18,16 +18,16 @@ from dataclasses import dataclass, field, replace
 from typing import cast
 
 from teg.analysis.branches import branches_of, cases_of
+from teg.analysis.break_functions import BreakFunctions
 from teg.analysis.isolation import MAX_ROOTS, Isolation, Location, isolate, locate
 from teg.analysis.kinks import EXTREMES, kink_of, without_extremes
-from teg.analysis.polynomial import Degrees, Point, Poly, Ratio, Shadow
-from teg.analysis.projection import Contribution, Origin, Projection, Turn, near, within
-from teg.analysis.roots import Roots, far_origin, quadratic_coefficients, quadratic_roots, solve, tidy
+from teg.analysis.polynomial import Poly, Ratio, Shadow
+from teg.analysis.projection import Contribution, Origin, Projection, Turn
 from teg.analysis.surfaces import atoms_of, binders_inside
-from teg.ir.expr import FALSE, TRUE, ZERO, Add, Call, Compare, Cond, Const, Expr, Mul, Or, Param, Pow, Var, Where, const, has_cut
+from teg.ir.expr import FALSE, TRUE, Add, Call, Compare, Cond, Const, Expr, Mul, Or, Pow, Var, Where, const, has_cut
 from teg.ir.integral import ClosedForm, Integral, masses_of
 from teg.ir.node import Node, digest, postorder
-from teg.ir.simplify import conjunction, disjunction, div, mul, sub, where
+from teg.ir.simplify import conjunction, disjunction, mul, sub, where
 from teg.ir.traverse import substitute
 from teg.numerics.field import divided, residue
 
@@ -79,14 +79,7 @@ class BreakAnalysis:
         self._breaks: dict[Integral, Breaks] = {}
         self._projections: dict[Integral, Contribution] = {}
         self._shadows: dict[tuple[Var, ...], Shadow] = {}
-        self.degrees = Degrees()
-        self._formulas: dict[tuple[Expr, Var, Expr, Expr], Roots | None] = {}
-        self._points = (Point("first"), Point("second"))
-        self._keys: dict[Expr, object] = {}
-        self._turned: dict[tuple[object, object], Expr] = {}
-        self._derived_from: dict[object, Expr] = {}
-        self._coefficients: dict[tuple[Expr, Var, Expr], tuple[Expr, Expr, Expr]] = {}
-        self._vertices: dict[tuple[Expr, Var], Expr | None] = {}
+        self.functions = BreakFunctions()
 
     # -- breaks --------------------------------------------------------------------------------------------------------
 
@@ -104,7 +97,7 @@ class BreakAnalysis:
         masses = masses_of(body, x)
         if masses is not None:  # no breaks of its own; its roots and its conditions contribute to outer integrals
             atoms = [a.g for a in atoms_of(body, x) if not a.g.free & inner]
-            formula = self.solve(masses.g, x, node.lo, node.hi)
+            formula = self.functions.solve(masses.g, x, node.lo, node.hi)
             complete = formula is not None and formula.certain
             return Breaks(tuple(dict.fromkeys((masses.g, *atoms))), (), (), (), frozenset(), complete, False)
         projection = Contribution()
@@ -116,7 +109,7 @@ class BreakAnalysis:
         handled: set[Expr] = set()
         complete = projection.complete
         functions, matters = self._distinct(projection.functions)
-        found = {g: self._roots(g, x, node.lo, node.hi) for g in dict.fromkeys(functions.values()) if not self.is_zero(g)}
+        found = {g: self._roots(g, x, node.lo, node.hi) for g in dict.fromkeys(functions.values()) if not self.functions.is_zero(g)}
         isolated = self._isolated([g for g, roots in found.items() if roots is None], x)
         for f, representative in functions.items():
             if representative not in found:  # a surface that coincides with the surface of these point masses
@@ -188,10 +181,10 @@ class BreakAnalysis:
         for turn in (turn for split in cases.values() for turn in split):
             if turn.kind == "flat":
                 turn = self._by_roots(turn, node)
-            degree = self.degrees.of(turn.function, x)
+            degree = self.functions.degrees.of(turn.function, x)
             if degree == 0:
                 continue
-            key = turn.kind, self.key(turn.function)
+            key = turn.kind, self.functions.key(turn.function)
             known = bends.get(key)
             if known is not None:
                 bends[key] = replace(known, when=disjunction(known.when, turn.when))
@@ -203,7 +196,8 @@ class BreakAnalysis:
 
     def _by_roots(self, turn: Turn, node: Integral) -> Turn:
         """Returns a turn at the end of a piece, by the quadratic function with the same two roots where one by formula has them."""
-        formula = None if self.degrees.of(turn.function, node.var) in (1, 2) else self.solve(turn.function, node.var, node.lo, node.hi)
+        quadratic = self.functions.degrees.of(turn.function, node.var) in (1, 2)
+        formula = None if quadratic else self.functions.solve(turn.function, node.var, node.lo, node.hi)
         if formula is None or not formula.certain or len(formula.found) != 2:
             return replace(turn, kind="end")
         function = mul(*(sub(node.var, r.point) for r in formula.found))
@@ -247,7 +241,7 @@ class BreakAnalysis:
                     collected.complete = False
             elif isinstance(node, Pow) and node.exponent < 0 and counts and not node.free & inner:
                 base = _with_the_same_zeros(node.base)
-                if self.degrees.of(base, x) in (1, 2):
+                if self.functions.degrees.of(base, x) in (1, 2):
                     collected.add(base)
                     collected.turns[Turn("pole", base)] = None
             elif isinstance(node, Integral):
@@ -271,73 +265,12 @@ class BreakAnalysis:
         """Returns the first proportional function for each function, and for each first function the condition under which its zeros
         matter."""
         first: dict[object, Expr] = {}
-        distinct = {f: first.setdefault(self.key(f), f) for f in functions} if len(functions) > 1 else {f: f for f in functions}
+        distinct = {f: first.setdefault(self.functions.key(f), f) for f in functions} if len(functions) > 1 else {f: f for f in functions}
         matters: dict[Expr, Cond] = {}
         for f, representative in distinct.items():
             condition = disjunction(matters.get(representative, FALSE), functions[f])
             matters[representative] = TRUE if isinstance(condition, Or) and len(condition.children) > MAX_PLACES else condition
         return distinct, matters
-
-    def key(self, f: Expr) -> object:
-        """Returns a key that is equal for functions that are proportional by a number."""
-        if f not in self._keys:
-            u, v = (p.value(f) for p in self._points)
-            self._keys[f] = divided(v, u) if u and v else f
-        return self._keys[f]
-
-    def note_turned(self, resultant: Expr, border: Expr, turned: Expr) -> None:
-        """Keeps a function with the same zeros as a resultant has where a border is 0."""
-        self._turned[self.key(resultant), self.key(border)] = turned
-
-    def turned(self, f: Expr, g: Expr) -> tuple[Expr, Expr] | None:
-        """Returns two functions that are 0 where f and g are, without double zeros that these have, if f is a resultant of quadratics and g
-        the discriminant of one of them, or the other way round; None for others."""
-        for resultant, border in ((f, g), (g, f)):
-            found = self._turned.get((self.key(resultant), self.key(border)))
-            if found is not None:
-                return found, border
-        return None
-
-    def note_derived(self, f: Expr, before: Expr) -> None:
-        """Keeps the function from whose roots a function is derived: the zeros of both lie near each other."""
-        self._derived_from.setdefault(self.key(f), before)
-
-    def coefficients(self, f: Expr, x: Var, origin: Expr) -> tuple[Expr, Expr, Expr]:
-        """Returns A, B, C of a quadratic f = A·w² + B·w + C, w = x - origin, cached: each pair asks for them."""
-        key = f, x, origin
-        if key not in self._coefficients:
-            self._coefficients[key] = quadratic_coefficients(f, x, origin)
-        return self._coefficients[key]
-
-    def vertex(self, f: Expr, x: Var) -> Expr | None:
-        """Returns the vertex in x of the first quadratic with a number before x², of those from which f was derived and f itself, if that
-        vertex is a sum of parameters and numbers; else None."""
-        if (f, x) not in self._vertices:
-            before = self._derived_from.get(self.key(f))
-            vertex = None if before is None else self.vertex(before, x)
-            self._vertices[f, x] = self._own_vertex(f, x) if vertex is None else vertex
-        return self._vertices[f, x]
-
-    def _own_vertex(self, f: Expr, x: Var) -> Expr | None:
-        if self.degrees.of(f, x) != 2:
-            return None
-        a, b, _ = self.coefficients(f, x, ZERO)
-        middle = tidy(mul(const(-0.5), div(b, a)))
-        return middle if isinstance(a, Const) and _is_shift(middle) else None
-
-    def origin(self, f: Expr, x: Var, lo: Expr, hi: Expr) -> Expr:
-        """Returns a place near the roots of a quadratic, relative to which it keeps its digits."""
-        vertex = self.vertex(f, x) if self.key(f) in self._derived_from else None
-        return far_origin(lo, hi) if vertex is None else vertex
-
-    def solve(self, f: Expr, x: Var, lo: Expr, hi: Expr) -> Roots | None:
-        """Returns the roots of a function by formula, cached: integrals that share surfaces and bounds ask for the same roots."""
-        problem = (f, x, lo, hi)
-        if problem not in self._formulas:
-            derived = self.degrees.of(f, x) == 2 and self.key(f) in self._derived_from
-            roots = Roots(quadratic_roots(f, x, self.origin(f, x, lo, hi))) if derived else solve(f, x, lo, hi, degrees=self.degrees)
-            self._formulas[problem] = roots
-        return self._formulas[problem]
 
     def _roots(self, f: Expr, x: Var, lo: Expr, hi: Expr) -> tuple[list[Expr], bool] | None:
         """Returns the roots of a function over all its branches, and whether these are certainly all; else the rule searches for others.
@@ -350,7 +283,7 @@ class BreakAnalysis:
         if branches is None:
             return None
         for factor in dict.fromkeys(factor for branch in branches for factor in _factors(branch, x)):
-            roots = self.solve(factor, x, lo, hi)
+            roots = self.functions.solve(factor, x, lo, hi)
             if roots is None:
                 return None
             points.extend(r.point if r.exists is TRUE else where(r.exists, r.point, const(math.nan)) for r in roots.found)
@@ -361,23 +294,6 @@ class BreakAnalysis:
         if node not in self._projections:
             self._projections[node] = Projection(self, node).run()
         return self._projections[node]
-
-    def is_zero(self, f: Expr) -> bool:
-        """Returns whether a function is 0 everywhere, although it is not written as 0."""
-        return all(p.value(f) == 0 for p in self._points)
-
-    def somewhere(self, f: Expr, z: Var, lo: Expr, hi: Expr) -> Cond:
-        """Returns the condition that a root of f, known by formula, lies between the bounds."""
-        roots = self.solve(f, z, lo, hi)
-        if roots is None:
-            return TRUE
-        return disjunction(*(conjunction(r.exists, within(r.point, lo, hi)) for r in roots.found))
-
-    def nearby(self, f: Expr, z: Var, lo: Expr, hi: Expr) -> Cond:
-        """Returns the condition that a root of a quadratic lies between the bounds or near them. Near a double root the root need not
-        exist."""
-        roots = self.solve(f, z, lo, hi)
-        return TRUE if roots is None else disjunction(*(near(r.point, lo, hi) for r in roots.found))
 
     # -- degrees -------------------------------------------------------------------------------------------------------
 
@@ -475,13 +391,6 @@ def _where_it_exists(root: Expr) -> Expr:
 
 
 _PARTIAL = frozenset(("sqrt", "log", "pow"))
-
-
-def _is_shift(e: Expr) -> bool:
-    """Returns whether an expression is a sum of parameters, multiples of them, and numbers; not a number alone."""
-    terms = [t.children if isinstance(t, Mul) else (t,) for t in (e.children if isinstance(e, Add) else (e,))]
-    kinds = [[type(f) for f in t] for t in terms]
-    return all(k.count(Param) <= 1 and set(k) <= {Param, Const} for k in kinds) and any(Param in k for k in kinds)
 
 
 def _is_sum_of_squares(node: Call) -> bool:

@@ -20,10 +20,10 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, cast
 
 from teg.analysis.branches import branches_of
+from teg.analysis.break_functions import near, within
 from teg.analysis.calculus import slope
 from teg.analysis.coincidence import coincide
 from teg.analysis.expanded import perfect_power
-from teg.analysis.isolation import MARGIN
 from teg.analysis.polynomial import Shadow
 from teg.analysis.roots import Roots, discriminant, far_origin, local_origin, tidy
 from teg.analysis.surfaces import atoms_of
@@ -102,7 +102,7 @@ class Projection:
     """The functions that an inner integral contributes to the breaks of the outer one, sorted by their degree in the inner variable."""
 
     def __init__(self, analysis: BreakAnalysis, node: Integral) -> None:
-        self.analysis, self.node = analysis, node
+        self.analysis, self.functions, self.node = analysis, analysis.functions, node
         self.breaks = analysis.of(node)
         self.out = Contribution(rooted=self.breaks.rooted and not self.breaks.complete, complete=self.breaks.complete)
         self.origin, self.centre = local_origin(node.lo, node.hi), far_origin(node.lo, node.hi)
@@ -124,7 +124,7 @@ class Projection:
             branches = branches_of(function) or ()
             origin = self.breaks.origins.get(function, frozenset()) if len(branches) == 1 else frozenset()
             for f in branches:
-                self.origins[f] = origin or frozenset((self.analysis.key(f),))
+                self.origins[f] = origin or frozenset((self.functions.key(f),))
                 self._sort(f)
         self.known.update(self.origins.values())
         self._turns_at_bounds()
@@ -138,7 +138,7 @@ class Projection:
             f = f.base
         if len(self.out.functions) >= MAX_FUNCTIONS:
             self.out.complete = False
-        elif f.free and not self.analysis.is_zero(f):  # surfaces that coincide meet everywhere
+        elif f.free and not self.functions.is_zero(f):  # surfaces that coincide meet everywhere
             self.out.add(f, matters, origin)
 
     def _meet(self, f: Expr, g: Expr) -> bool:
@@ -169,11 +169,11 @@ class Projection:
     def _sort(self, f: Expr) -> None:
         """Files a break function by its degree, and adds the functions that it contributes alone."""
         z, lo, hi = self.node.var, self.node.lo, self.node.hi
-        degree, apart = self.analysis.degrees.of(f, z), self._apart(f)
+        degree, apart = self.functions.degrees.of(f, z), self._apart(f)
         if not apart:
             for bound in (lo, hi):
                 if not (isinstance(bound, Const) and math.isinf(bound.data)):
-                    at_bound = self.origins[f] | {_Bound(z, self.analysis.key(sub(z, bound)))}
+                    at_bound = self.origins[f] | {_Bound(z, self.functions.key(sub(z, bound)))}
                     self._put(cast(Expr, substitute(f, {z: bound})), origin=at_bound)
         if degree != 0 and (apart or not self.finite):
             self._level(f)
@@ -186,17 +186,17 @@ class Projection:
                 if rate.free:
                     self.out.turns[Turn("pole", rate, within(sub(self.origin, div(at_origin, rate)), lo, hi))] = None
         elif degree == 2:
-            origin = self.analysis.origin(f, z, lo, hi)
-            a, b, c = self.analysis.coefficients(f, z, origin)
+            origin = self.functions.origin(f, z, lo, hi)
+            a, b, c = self.functions.coefficients(f, z, origin)
             self.quadratic.append(f)
             if not apart:
                 if not self.finite:
                     self._put(a)
                 border = discriminant(a, b, c)
-                self.analysis.note_derived(border, f)
-                fold = self.origins[f] | {_Fold(self.analysis.key(f))}
+                self.functions.note_derived(border, f)
+                fold = self.origins[f] | {_Fold(self.functions.key(f))}
                 self._put(border, near(add(origin, div(b, mul(const(-2.0), a))), lo, hi), fold)
-                self.out.turns[Turn("root", border, self.analysis.somewhere(f, z, lo, hi))] = None
+                self.out.turns[Turn("root", border, self.functions.somewhere(f, z, lo, hi))] = None
         elif degree == 0:
             if apart:
                 self._put(f)
@@ -204,7 +204,7 @@ class Projection:
             self.others.append(f)
             if not apart:
                 self.out.rooted = True
-                roots = self.analysis.solve(f, z, lo, hi)
+                roots = self.functions.solve(f, z, lo, hi)
                 for g in _borders_of_existence(roots, z):
                     self._put(g)
                 for root in roots.found if roots is not None else ():
@@ -255,19 +255,19 @@ class Projection:
                     self._put(self._crossing(rate1, at1, rate2, at2), near(crossing, lo, hi), self._both(f, g))
             for g in self.quadratic:
                 if self._meet(f, g):
-                    h, *_ = self.analysis.turned(g, f) or (g,)
+                    h, *_ = self.functions.turned(g, f) or (g,)
                     self._put(cast(Expr, substitute(h, {self.node.var: crossing})), near(crossing, lo, hi), self._both(f, g))
 
     def _crossing(self, rate1: Expr, at1: Expr, rate2: Expr, at2: Expr) -> Expr:
         """Returns a function that is 0 where the roots of two affine functions meet: with equal or opposite slopes, where both are one."""
         for result in (sub, add):
-            if self.analysis.is_zero(result(rate1, rate2)):
+            if self.functions.is_zero(result(rate1, rate2)):
                 return result(at1, at2)
         return sub(mul(rate2, at1), mul(rate1, at2))
 
     def _quadratics_meet(self) -> None:
         """Adds where roots of quadratic functions meet each other."""
-        nearby = {f: self.analysis.nearby(f, self.node.var, self.node.lo, self.node.hi) for f in self.quadratic}
+        nearby = {f: self.functions.nearby(f, self.node.var, self.node.lo, self.node.hi) for f in self.quadratic}
         for i, f in enumerate(self.quadratic):
             for g in self.quadratic[:i]:
                 matters = conjunction(nearby[f], nearby[g])
@@ -275,21 +275,21 @@ class Projection:
                     continue
                 first, second = self._coefficients(f, g)
                 resultant = _resultant(first, second)
-                self.analysis.note_derived(resultant, f)
+                self.functions.note_derived(resultant, f)
                 self._put(_unless_linear(resultant, first, second), matters, self._both(f, g))
                 for turning, other in ((first, second), (second, first)):
-                    self.analysis.note_turned(resultant, discriminant(*turning), _at_the_turn(turning, other))
+                    self.functions.note_turned(resultant, discriminant(*turning), _at_the_turn(turning, other))
 
     def _coefficients(self, *pair: Expr) -> tuple[tuple[Expr, Expr, Expr], ...]:
         """Returns the coefficients of two quadratics around the vertex of one of them, if that is known; else around one origin."""
         z = self.node.var
-        origin = next((v for f in pair if (v := self.analysis.vertex(f, z)) is not None), self.centre)
-        return tuple(self.analysis.coefficients(f, z, origin) for f in pair)
+        origin = next((v for f in pair if (v := self.functions.vertex(f, z)) is not None), self.centre)
+        return tuple(self.functions.coefficients(f, z, origin) for f in pair)
 
     def _met_at_a_turn(self, f: Expr, g: Expr, matters: Cond = TRUE) -> bool:
         """Adds where two functions meet that are a resultant and a discriminant; returns whether they are."""
-        z, pair = self.node.var, self.analysis.turned(f, g)
-        if pair is None or any(self.analysis.degrees.of(h, z) not in (1, 2) for h in pair):
+        z, pair = self.node.var, self.functions.turned(f, g)
+        if pair is None or any(self.functions.degrees.of(h, z) not in (1, 2) for h in pair):
             return False
         first, second = self._coefficients(*pair)
         self._put(_unless_linear(_resultant(first, second), first, second), matters, self._both(f, g))
@@ -300,7 +300,7 @@ class Projection:
         z, lo, hi = self.node.var, self.node.lo, self.node.hi
         curved = [*self.others, *self.quadratic]
         for i, f in enumerate(self.others):
-            formula = self.analysis.solve(f, z, lo, hi)
+            formula = self.functions.solve(f, z, lo, hi)
             if formula is None or not formula.certain:
                 self._search(f, curved[i + 1 :])
                 continue
@@ -332,17 +332,6 @@ def _may_vanish(rate: Expr) -> bool:
     if one is None or other is None:
         return any(not factor.free and not isinstance(factor, Const) for factor in (rate.children if isinstance(rate, Mul) else ()))
     return all(one[m] != c for m, c in other.items() if m in one)
-
-
-def within(point: Expr, lo: Expr, hi: Expr) -> Cond:
-    """Returns the condition that a point lies strictly between two bounds, in either order."""
-    return positive(mul(sub(point, lo), sub(hi, point)))
-
-
-def near(point: Expr, lo: Expr, hi: Expr) -> Cond:
-    """Returns the condition that a point lies between two bounds, or a little outside."""
-    margin = mul(const(MARGIN), sub(hi, lo))
-    return positive(mul(add(sub(point, lo), margin), add(sub(hi, point), margin)))
 
 
 def _turning(f: Expr, z: Var) -> list[Expr]:

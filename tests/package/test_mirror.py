@@ -29,6 +29,7 @@ every backend."""
 
 ELSEWHERE = {
     "teg/analysis": {
+        "break_functions": "tests/analysis/test_breaks.py",
         "bodies": "tests/ir/test_function.py",
         "critical": "tests/end_to_end/test_references.py",
         "endless": "tests/end_to_end/test_infinite_ranges.py",

@@ -31,7 +31,7 @@ class Features:
     def __init__(self, rules: Rules, binders: Callable[[Sequence[Node]], frozenset[Var]]) -> None:
         self.rules, self.binders = rules, binders
         self.analysis = rules.analysis
-        self.centres = Centres(self.analysis.degrees, self.analysis.key)
+        self.centres = Centres(self.analysis.functions.degrees, self.analysis.functions.key)
 
     def count(self, node: Integral, depth: int) -> int:
         """Returns how many breaks the features of an integral add to those of its surfaces."""

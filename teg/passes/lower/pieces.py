@@ -84,8 +84,8 @@ class Pieces:
         inner = self.out.binders(bodies)
         own = {a.g for i in group for a in atoms_of(i.body, i.var) if not a.g.free & inner}
         own |= {cast(Expr, n.children[0]) for n in postorder(bodies) if has_cut(n) and not n.free & inner}
-        keys = {self.analysis.key(g) for g in own}
-        return {f for f in functions if self.analysis.key(f) in keys}
+        keys = {self.analysis.functions.key(g) for g in own}
+        return {f for f in functions if self.analysis.functions.key(f) in keys}
 
     def _mattering(self, roots: Sequence[Arg], matters: Cond, x: Var, home: Level) -> tuple[Arg, ...]:
         """Returns roots where they matter, NaN elsewhere."""
@@ -205,7 +205,7 @@ class Pieces:
             for turn in self.analysis.of(node).bends:
                 if operand not in (None, turn.kind):
                     continue
-                turns.setdefault((turn.kind, self.analysis.key(turn.function)), turn)
+                turns.setdefault((turn.kind, self.analysis.functions.key(turn.function)), turn)
         base = local_origin(lo, group[0].hi)
         bends = []
         for turn in list(turns.values())[:MAX_BENDS]:

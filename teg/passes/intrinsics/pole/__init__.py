@@ -35,7 +35,7 @@ class PoleRule:
         """The pole, and where it counts."""
         pole = match_pole(node, analysis)
         assert pole is not None
-        return analysis.key(pole.turn.function), pole.turn.when
+        return analysis.functions.key(pole.turn.function), pole.turn.when
 
     def shared(self, rules: Sequence[Rule]) -> Rational:
         """The highest power: P/D is P·D over D²."""
