@@ -58,15 +58,15 @@ def pytest_collection() -> Generator[None, object, object]:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """What is compiled by XLA is slow, but for the tests of the backend itself; so is what is listed."""
+    """What is compiled by XLA is slow, but for the tests of the backend itself; so is what is listed, and all that is thorough."""
     for item in items:
         name = item.nodeid.removeprefix("tests/")
         names = {name, name.partition("[")[0]}
-        if not names.isdisjoint(SLOW) or ("jax" in name.lower() and not any(part in name for part in QUICK_IN_JAX)):
-            item.add_marker(pytest.mark.slow)
         if not names.isdisjoint(THOROUGH):
-            item.add_marker(pytest.mark.slow)
             item.add_marker(pytest.mark.thorough)
+        in_jax = "jax" in name.lower() and not any(part in name for part in QUICK_IN_JAX)
+        if in_jax or not names.isdisjoint(SLOW) or item.get_closest_marker("thorough"):
+            item.add_marker(pytest.mark.slow)
 
 
 @pytest.fixture(autouse=True, scope="session")
