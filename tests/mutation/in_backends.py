@@ -65,6 +65,31 @@ IN_BACKENDS: tuple[Mutant, ...] = (
         ("the first of equal keys", "key < *least", "key <= *least"),
     ),
     *mutants(
+        "backends/c/runtime/insertion.h",
+        ("tests/end_to_end/test_site_grids.py",),
+        ("keys that meet in a corner", "equal + teg_sides_at(x, y) > 4 ? 2 : 1", "1"),
+        ("keys that meet", "r->concurrent = equal", "r->touching = equal"),
+    ),
+    *mutants(
+        "backends/numpy/arrangement.py",
+        ("tests/backends/numpy/test_cells.py",),
+        ("keys that meet on a side", "np.where(equal + _sides_at(at) > 4, 2, 1)", "np.where(equal > 4, 2, 1)"),
+    ),
+    *mutants(
+        "backends/shared/rules.py",
+        ("tests/end_to_end/test_cancelling.py",),
+        (
+            "errors of what cancels",
+            "xp.minimum(SPENT * tolerated(xp, tolerance, whole, whole), cancelled)",
+            "SPENT * tolerated(xp, tolerance, whole, whole)",
+        ),
+    ),
+    *mutants(
+        "backends/c/runtime/quadrature.h",
+        ("tests/end_to_end/test_cancelling.py",),
+        ("errors of what cancels in C", "least = wanted < left ? wanted : left;", "least = wanted;"),
+    ),
+    *mutants(
         "backends/c/runtime/envelope.h",
         (ENVELOPE,),
         ("jump between two intervals", "jump /= key->rate - key[1].rate;", "jump /= key[1].rate - key->rate;"),

@@ -11,6 +11,56 @@ ADJOINTS = "tests/passes/intrinsics/test_adjoints.py"
 
 IN_PASSES: tuple[Mutant, ...] = (
     *mutants(
+        "teg/analysis/roots.py",
+        ("tests/analysis/test_roots.py", "tests/passes/eliminate/test_univariate.py", "tests/passes/eliminate/test_endless.py"),
+        ("a discriminant as a product", "return mul(const(-4), a, c)", "pass"),
+        (
+            "the vertex of an ellipse",
+            "slope_there = mul(b, sub(scale, square), integer_power(scale, -1))",
+            "slope_there = add(mul(double, w), b)",
+        ),
+        ("a line that is everywhere", "met if met is TRUE or level.free else disjunction(met, negation(_not_zero(level)))", "met"),
+    ),
+    *mutants(
+        "teg/passes/eliminate/univariate.py",
+        ("tests/passes/eliminate/test_univariate.py",),
+        (
+            "the rate of a quadratic at its root",
+            'call("magnitude", rate_there) if root.rate is None else root.rate',
+            'call("magnitude", rate_there)',
+        ),
+    ),
+    *mutants(
+        "teg/analysis/breaks.py",
+        ("tests/analysis/test_breaks.py",),
+        ("zeros of factors", "dict.fromkeys(factor for branch in branches for factor in _factors(branch, x))", "branches"),
+    ),
+    *mutants(
+        "teg/passes/normalise/denominators.py",
+        ("tests/passes/normalise/test_canonicalise.py",),
+        (
+            "the square of a secant",
+            "if isinstance(node, Add) and (u := _angle_of_secant(node)) is not None:",
+            "if (u := None) is not None:",
+        ),
+    ),
+    *mutants(
+        "teg/passes/normalise/bounded_choices.py",
+        ("tests/passes/normalise/test_bounded_choices.py",),
+        ("the least or the largest", "(number.data > 0.0) == (choice.value is choice.key)", "choice.value is choice.key"),
+        (
+            "the least of none",
+            "conjunction(decided, some) if rises else disjunction(decided, negation(some))",
+            "conjunction(decided, some)",
+        ),
+    ),
+    *mutants(
+        "teg/numerics/arrangement.py",
+        ("tests/backends/numpy/test_cells.py",),
+        ("keys at a corner of the square", "2 if equal + _sides_at((x, y)) > 4 else 1", "1"),
+        ("keys that are taken apart", "self.nudge = nudge * NUDGE", "self.nudge = abs(nudge) * NUDGE"),
+    ),
+    *mutants(
         "teg/analysis/staircase.py",
         ("tests/passes/normalise/test_cuts.py",),
         (

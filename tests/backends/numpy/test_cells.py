@@ -69,6 +69,27 @@ def test_tiles_do_not_matter(shape: Layout, kind: str, monkeypatch: pytest.Monke
             np.testing.assert_allclose(*moves, rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.parametrize("coarse", [2, 4])
+def test_sites_on_a_grid_are_as_by_themselves(coarse: int) -> None:
+    """Keys |x - s|² of which many are equal at one place, in whole squares and beside sides and corners, and their second derivatives."""
+    random = np.random.default_rng(coarse)
+    shape, lanes, count = Layout(1, 1, 0, 1), 60, 5
+    sites = random.integers(-coarse // 2, coarse + coarse // 2 + 1, (lanes * count, 2)) / coarse
+    moves = random.integers(-3, 4, (lanes * count, 2))
+    rows = np.zeros((lanes * count, 14))
+    rows[:, 0], rows[:, 3], rows[:, 4:6], rows[:, 6] = 1.0, (sites**2).sum(axis=1), -2 * sites, random.integers(0, 5, lanes * count)
+    rows[:, 10], rows[:, 11:13] = 2 * (sites * moves).sum(axis=1), -2 * moves
+    otherwise = np.zeros((lanes, 2))
+    found = cells_of_lanes(shape, rows, np.full(lanes, count), otherwise, True)
+    unknown = 0
+    for lane in range(lanes):
+        one = integrals(shape, rows[lane * count : (lane + 1) * count].tolist(), [0.0, 0.0], True)
+        unknown += np.isnan(one.tables[0]).any()
+        first = lane * (count + 1)
+        np.testing.assert_allclose(found.tables[0][first : first + count + 1], one.tables[0], rtol=1e-9, atol=1e-9)
+    assert 0 < unknown < lanes / 2
+
+
 def test_a_line_on_the_side_of_a_tile() -> None:
     """Two half-planes meet on a line behind forty discs' tangents: on a side of tiles, or beside it, it has its derivatives."""
     shape, angle = Layout(1, 1, 0), 0.1 * np.arange(40)
