@@ -146,5 +146,6 @@ def test_second_derivatives_where_a_disk_touches_a_side(backend: Any, x64_for_ja
 def test_second_derivatives_where_an_ellipse_touches_a_side(backend: Any) -> None:
     inside = ((x - 0.5) / b) ** 2 + ((y - 0.5) / t) ** 2 < 1
     f = teg.compile(teg.integral(teg.bracket(inside), *SQUARE), [t, b], backend=backend)
-    with pytest.warns(teg.AccuracyWarning):
-        assert not math.isfinite(f.hessian(t=0.5, b=0.5)["t", "t"])
+    for width in (0.5, 0.3, 0.37):
+        with pytest.warns(teg.AccuracyWarning):
+            assert not math.isfinite(f.hessian(t=0.5, b=width)["t", "t"])
