@@ -162,11 +162,15 @@ def _at_the_vertex(g: Expr, x: Var, origin: Expr, known: tuple[Expr, Expr, Expr]
     if d.free or not isinstance(d, Add) or all(isinstance(t, Param | Const) or _is_scaled(t) for t in d.children):
         return d
     double = mul(const(2), a)
-    square = integer_power(double, 2)
-    scale = square if isinstance(a, Const) else call("max", call("max", square, mul(const(REACH**-2), integer_power(b, 2))), const(LEAST))
-    w = mul(MINUS_ONE, double, b, integer_power(scale, -1))
+    slope_there: Expr = ZERO
+    if isinstance(a, Const):
+        w = div(mul(MINUS_ONE, b), double)
+    else:
+        square = integer_power(double, 2)
+        scale = call("max", call("max", square, mul(const(REACH**-2), integer_power(b, 2))), const(LEAST))
+        w = mul(MINUS_ONE, double, b, integer_power(scale, -1))
+        slope_there = mul(b, sub(scale, square), integer_power(scale, -1))
     value = cast(Expr, substitute(g, {x: add(origin, w)}))
-    slope_there = mul(b, sub(scale, square), integer_power(scale, -1))
     return sub(integer_power(slope_there, 2), mul(const(4), a, value))
 
 

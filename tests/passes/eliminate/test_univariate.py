@@ -129,6 +129,16 @@ def test_chords_that_hardly_are(name: str, height: float, backend: Any, x64_for_
     assert gradient["b"] == pytest.approx(-rate, rel=1e-14)
 
 
+@pytest.mark.parametrize("backend", ["numpy", "c"])
+@pytest.mark.parametrize("scale", [1e-100, 1e100, 1e150])
+def test_chords_of_any_scale(scale: float, backend: Any) -> None:
+    """The square of 1e150 has a square that is no number: the chord had the length 0, without a warning."""
+    f = teg.compile(area(scale * (x - a) ** 2 + scale * t * t < scale, -2.0, 2.0), [t], backend=backend)
+    value, gradient = f.value_and_grad(t=0.6, a=0.1)
+    assert value == pytest.approx(1.6, rel=1e-13)
+    assert gradient["t"] == pytest.approx(-1.5, rel=1e-13)
+
+
 SQUARE = (x, 0, 1), (y, 0, 1)
 
 
