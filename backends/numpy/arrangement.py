@@ -291,13 +291,15 @@ class Arrangements:
             return
         owner, at = owners[some], cells.corners[some, place]
         lane = self.regions.lane[owner]
+        seen = np.zeros(len(self.regions.lane), dtype=bool)
+        seen[self.known.order], seen[self.known.base[self.known.base >= 0]] = True, True
         first, last = (np.searchsorted(self.regions.lane, lane, side) for side in ("left", "right"))
         corner = np.repeat(np.arange(len(at)), last - first)
         other = np.arange(len(corner)) - np.repeat(np.cumsum(last - first) - last, last - first)
         key, behind = self.regions.key[owner[corner]], self.regions.key[other]
         difference = key - behind
         values = difference[:, 0] + (difference[:, 1:] * at[corner]).sum(axis=1)
-        equal = np.bincount(corner, np.abs(values) <= tolerances(difference, key, behind), len(at))
+        equal = np.bincount(corner, seen[other] & (np.abs(values) <= tolerances(difference, key, behind)), len(at))
         np.maximum.at(self.concurrent, lane, np.where(equal + _sides_at(at) > 4, 2, 1))
 
     def _note(self, cells: Polygons, which: tuple[Array, Array], on: Array, region: Array) -> None:

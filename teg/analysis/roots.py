@@ -109,8 +109,11 @@ def solve(g: Expr, x: Var, lo: Expr, hi: Expr, depth: int = MAX_DEPTH, degrees: 
 
 
 def is_met(rates: Sequence[Expr], level: Expr) -> Cond:
-    """Returns the condition that an affine function with these slopes is 0 at a finite place. One that is 0 everywhere counts too, unless
-    its value at 0, `level`, has variables: there is no derivative there, and it shall be no number."""
+    """Returns the condition that an affine function with these slopes is 0 at a finite place; `level` is its value at the origin.
+
+    Where that and all slopes are 0 there is no derivative: it counts as met, so that the result is not a number. That is left out where
+    `level` has variables.
+    """
     met = disjunction(*(_not_zero(rate) for rate in rates))
     return met if met is TRUE or level.free else disjunction(met, negation(_not_zero(level)))
 

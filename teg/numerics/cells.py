@@ -14,11 +14,13 @@ The jump across an edge is never looked up: the cells on both sides give their s
 of another region lies on such a cut, as in a regular mesh, what is there is that region's, the nearest one's of several (second derivatives
 there are NaN). Edges of several candidates that lie on each other have the derivative of moving together. The line of
 two keys belongs to the key of one with + and to that of the other with -; where several pairs have one line, each edge to the owners of its
-two sides (`key_edges.py`; second derivatives are NaN there, and all are where a third key is equal to theirs along an
-edge). Along a direction (`order` 1) the corners of the cells move as
-the intersections of the lines of their edges do, and with them everything above, by the product rule. Second derivatives jump where four
-keys are equal at one place, or three on a side of the square, or two at its corner, as among sites on a grid. Without guards' lines they
-are the mean of taking the keys apart and the opposite of it, NaN with more keys at one place.
+two sides (`key_edges.py`; second derivatives are NaN there, unless keys are taken apart as below, and all derivatives are where a third key
+is equal to theirs along an edge).
+
+Along a direction (`order` 1) the corners of the cells move as the intersections of the lines of their edges do, and with them everything
+above, by the product rule. Second derivatives jump where four keys are equal at one place, or three on a side of the square, or two at its
+corner, as among sites on a grid. Where no guard has a line in the square they are the mean of two arrangements, of keys that are taken
+apart a little and of the opposite; with still more keys at one place they are NaN.
 
 A candidate is absent where one of its guards is below 0 on all of the square, whatever its other numbers are; a guard or a key of another
 one that is not finite makes everything NaN. Equal keys: the lower index. A corner nearer than EPSILON to a line lies on it: common edges of
