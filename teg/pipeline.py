@@ -50,6 +50,7 @@ from teg.passes.eliminate.families import closing, eliminate_deltas, families_wi
 from teg.passes.eliminate.implicit import with_deltas
 from teg.passes.intrinsics import boundary_terms, intrinsics_for
 from teg.passes.lower.integrals import ABOUT_NOTHING, About, schedule
+from teg.passes.normalise.angles import with_lines_of_angles
 from teg.passes.normalise.canonicalise import Canonical
 from teg.passes.normalise.centre import centred
 from teg.passes.normalise.corners import with_local_boxes
@@ -85,6 +86,7 @@ def to_atoms(keep_moving: bool, maps: Maps, canonical: Canonical, whole: bool = 
     integrals are not divided where nothing jumps."""
     return [
         ("inline", write_out),  # passes must see the jumps inside of functions
+        ("angles", with_lines_of_angles),  # before an angle is cut
         ("cuts", with_cuts),  # the jumps of functions, too
         ("differences", with_differences),  # before products of far coordinates are differentiated
         *([] if maps else [("corners", with_local_boxes)]),  # maps are between the user's coordinates

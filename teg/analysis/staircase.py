@@ -292,10 +292,9 @@ def _related_extent(u: Expr, v: Expr, level: Expr, ranges: Mapping[Var, Range]) 
 
 def _extent(u: Expr, ranges: Mapping[Var, Range]) -> Extent | None:
     """Returns the same by interval arithmetic. Terms without variables are kept apart, so that they do not widen the range."""
-    terms = u.children if isinstance(u, Add) else (u,)
-    fixed = add(*(t for t in terms if not t.free))
+    varying, fixed = _split(u)
     try:
-        least, most = enclose(add(*(t for t in terms if t.free)), {v: ranges[v].interval for v in ranges if v in u.free})
+        least, most = enclose(varying, {v: ranges[v].interval for v in ranges if v in u.free})
     except NotDifferentiableError:
         return None
     if least.free or most.free:
@@ -308,12 +307,29 @@ def _least_known(extent: Extent | None, u: Expr) -> Extent | None:
     -π to π, and its steps are at known places then."""
     if extent is None or number(extent[2]) is not None:
         return extent
-    terms = u.children if isinstance(u, Add) else (u,)
-    most = greatest_size(add(*(t for t in terms if t.free))) * (1.0 - _TURN)
+    varying, fixed = _split(u)
+    most = greatest_size(varying) * (1.0 - _TURN)
     if math.isinf(most) or 2.0 * most > greatest_size(extent[2]):
         return extent
-    fixed = add(*(t for t in terms if not t.free))
     return add(fixed, const(-most)), add(fixed, const(most)), const(2.0 * most)
+
+
+def _split(u: Expr) -> tuple[Expr, Expr]:
+    """Returns the sum of the terms with variables and of those without, of a sum that may have factors without variables."""
+    varying: list[Expr] = []
+    fixed: list[Expr] = []
+    stack = [u]
+    while stack:
+        e = stack.pop()
+        factors = [f for f in e.children if not f.free] if isinstance(e, Mul) else []
+        total = next((f for f in e.children if isinstance(f, Add)), None) if isinstance(e, Mul) else None
+        if isinstance(e, Add):
+            stack.extend(reversed(e.children))
+        elif total is not None and total.free and len(factors) + 1 == len(e.children):
+            stack.extend(mul(*factors, term) for term in reversed(total.children))
+        else:
+            (varying if e.free else fixed).append(e)
+    return add(*varying), add(*fixed)
 
 
 def _is_analytic(u: Expr) -> bool:
