@@ -19,6 +19,7 @@ from teg.ir.node import digest, postorder
 from teg.numerics.field import P, inverse, residue, residue_of_float
 
 _OPERATIONS = (Add, Mul, Pow, Call)
+_HALF = inverse(2)
 MAX_TERMS = 400
 MAX_DEGREE = 60
 
@@ -31,7 +32,8 @@ Ratio = tuple[Poly, Poly]
 class Shadow:
     """Expressions as rational functions of `variables` over GF(P); everything else is a random element.
 
-    A `where` is its second branch plus a random multiple of the difference; with `kinks`, |u| is a random multiple of u, and max and min
+    Without variables |u| is one element for u and -u, and max(u, v) is (u + v + |u - v|)/2; so -min(-u, -v) is that, too. A `where` is its
+    second branch plus a random multiple of the difference; with `kinks`, |u| is a random multiple of u, and max and min
     are like a `where`. All have the right degree on a piece where no condition changes. Without `kinks` those of the variables are not
     rational. `integral` may return the shadow of an integral that depends on the variables; by default that is None, which means "not
     known to be rational". `leaves` fixes the elements of chosen parameters and variables.
@@ -147,16 +149,29 @@ class Shadow:
 
     def _function(self, node: Call) -> Ratio | None:
         arguments = [self._known[c] for c in node.children]
-        if node.name == "magnitude" and (self._kinks or not self._depends(node)):
-            return None if arguments[0] is None else self._scale(arguments[0], self._random("sign", digest(node)))
-        if node.name in ("min", "max") and self._kinks and self._depends(node):
+        if self._kinks and node.name in ("magnitude", "min", "max") and self._depends(node):
+            if node.name == "magnitude":
+                return None if arguments[0] is None else self._scale(arguments[0], self._random("sign", digest(node)))
             return self._either(arguments[0], arguments[1], self._random("side", digest(node)))
         values = []
         for ratio in arguments:
             if ratio is None or not self._is_constant(ratio[1]) or (ratio[0] and not self._is_constant(ratio[0])):
                 return None
             values.append(ratio[0].get(self._one, 0))
-        return self.constant(self._random(node.name, *values))
+        match node.name:
+            case "magnitude":
+                return self.constant(self._size(values[0]))
+            case "max":
+                return self.constant((values[0] + values[1] + self._size(values[0] - values[1])) * _HALF)
+            case "min":
+                return self.constant((values[0] + values[1] - self._size(values[0] - values[1])) * _HALF)
+            case _:
+                return self.constant(self._random(node.name, *values))
+
+    def _size(self, value: int) -> int:
+        """Returns an element for |u|, the same for u and -u; 0 for 0."""
+        least = min(value % P, -value % P)
+        return least * self._random("size", least)
 
     def _apply(self, node: Apply) -> Ratio | None:
         """Returns a polynomial of the function's degree with random coefficients, Σₖ(Σᵢ sₖᵢ·uᵢ)ᵏ.

@@ -19,6 +19,7 @@ Linear in the program, up to the few conditions that are hoisted.
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from itertools import islice
 from typing import cast
 
@@ -47,7 +48,8 @@ MAX_HOISTED = 6
 FEW_TERMS = 4
 """So many terms with surfaces of their own are integrated one by one, times their common factor."""
 MAX_KINKS = 2
-"""A surface with more kinks is not split into smooth ones: its roots are isolated as it is."""
+"""A surface with more kinks is not split into smooth ones: its roots are isolated as it is. Neither is one with a kink that has no formula:
+the places of the kink would be isolated, too, though nothing jumps there."""
 
 
 def canonicalise(root: Expr) -> Expr:
@@ -217,11 +219,12 @@ def _deciding_integrals(order: list[Node]) -> set[Node]:
 
 
 def _many_kinks(order: list[Node]) -> set[Compare]:
-    """Returns the atoms with more than `MAX_KINKS` kinks, and those of all kinks in them: their kinks stay as they are."""
-    few: dict[Node, frozenset[Node]] = {}
-    none: frozenset[Node] = frozenset()
+    """Returns the atoms that are not split, and those of all kinks in them: their kinks stay as they are."""
+    few: dict[Node, frozenset[Where]] = {}
+    none: frozenset[Where] = frozenset()
     many: set[Compare] = set()
     waiting: list[Expr] = []
+    kinks = Kinks()
     for node in order:
         if isinstance(node, Add | Mul | Pow | Call):
             few[node] = none.union(*(few[c] for c in node.children))
@@ -230,17 +233,28 @@ def _many_kinks(order: list[Node]) -> set[Compare]:
         else:
             few[node] = few[node.then] | few[node.otherwise] if isinstance(node, Where) else none
         few[node] = frozenset(islice(few[node], MAX_KINKS + 1))  # so many are many
-        if isinstance(node, Compare) and len(few[node.g]) > MAX_KINKS:
+        if isinstance(node, Compare) and _stays_whole(few[node.g], kinks):
             many.add(node)
             waiting.append(node.g)
     seen: set[Expr] = set()
-    kinks = Kinks()
     for g in waiting:
         for kink in value_nodes(g, seen):
             seen.add(kink)
             if isinstance(kink, Where) and isinstance(kink.condition, Compare) and kinks.sign(kink):
                 many.add(kink.condition)
     return many
+
+
+def _stays_whole(branches: Collection[Where], kinks: Kinks) -> bool:
+    """Returns whether a surface with these branches is not split: they are many, or one is a kink where a function without formula is 0."""
+    if len(branches) > MAX_KINKS:
+        return True
+    return any(isinstance(b.condition, Compare) and not _has_formula(b.condition.g) and kinks.sign(b) for b in branches)
+
+
+def _has_formula(g: Expr) -> bool:
+    """Returns whether a surface is linear or quadratic in one of its variables."""
+    return any(Shadow((v,)).degree(g) in (1, 2) for v in g.free)
 
 
 def _side(surface: tuple[Expr, bool], strict: bool, upward: bool) -> Cond:
@@ -253,7 +267,7 @@ def _side(surface: tuple[Expr, bool], strict: bool, upward: bool) -> Cond:
 
 def _split_delta(d: Delta, hoists: int) -> Expr:
     """Returns δ(where(b, u, v)) as where(b, δ(u), δ(v)): equal almost everywhere, because a condition's own border is no root."""
-    g = Extremes().of(d.g) if hoists == MAX_HOISTED and len(kinks_of(d.g)) > MAX_KINKS else d.g
+    g = Extremes().of(d.g) if hoists == MAX_HOISTED and _stays_whole(kinks_of(d.g), Kinks()) else d.g
     inner = inner_condition(g) if hoists else None
     if inner is None:
         return cleared_delta(g)

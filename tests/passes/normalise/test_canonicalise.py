@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import itertools
 import math
+from typing import Any
 
+import numpy as np
 import pytest
 
 import teg
@@ -236,3 +238,41 @@ def test_a_root_of_a_sum_of_squares_is_positive() -> None:
 def test_one_and_the_square_of_a_tangent_are_one_over_the_square_of_a_cosine() -> None:
     """A sum sin² + cos² stayed in the surface."""
     assert surfaces(canonicalise(over(teg.bracket(a * (1 + teg.tan(x) ** 2) > t)))) == ["a - t·cos(x)²"]
+
+
+def smooth_union(first: teg.Expr, second: teg.Expr, width: float) -> teg.Expr:
+    h = teg.minimum(teg.maximum(0.5 + 0.5 * (second - first) / width, 0), 1)
+    return second * (1 - h) + first * h - width * h * (1 - h)
+
+
+@pytest.mark.parametrize("backend", ["numpy", "c", pytest.param("jax", marks=pytest.mark.slow)])
+def test_a_kink_without_formula_is_no_surface(backend: str, x64_for_jax: None) -> None:
+    """Two disks with a rounded waist, beside a trapezoid rule along rays from between them. The mix ends where the distances of the disks
+    differ by its width: five surfaces, and a gradient of 26 s that missed the tolerance, if it is split there."""
+    disk, other = teg.sqrt((x - a) ** 2 + y**2) - 0.3, teg.sqrt((x + 0.3) ** 2 + (y - c) ** 2) - 0.35
+    e = teg.integral(teg.bracket(smooth_union(disk, other, 0.2) < t), (x, -1, 1), (y, -1, 1))
+    assert len(surfaces(canonicalise(e))) == 1
+    f = teg.compile(e, [a, c, t], backend=backend)
+    value, gradient = f.value_and_grad(a=0.3, c=0.1, t=0.02)
+
+    phi = (np.arange(200_000) + 0.5) * (2 * math.pi / 200_000)
+    cosine, sine = np.cos(phi), np.sin(phi)
+
+    def sides(r: Any) -> tuple[Any, ...]:
+        """The function and its derivatives by r, a, c."""
+        x1, y1, x2, y2 = r * cosine - 0.3, r * sine + 0.05, r * cosine + 0.3, r * sine + 0.05 - 0.1
+        d1, d2 = np.hypot(x1, y1) - 0.3, np.hypot(x2, y2) - 0.35
+        h = np.clip(0.5 + 2.5 * (d2 - d1), 0, 1)
+        n1, n2 = (np.stack([u, v]) / np.hypot(u, v) for u, v in ((x1, y1), (x2, y2)))
+        outward = h * (n1[0] * cosine + n1[1] * sine) + (1 - h) * (n2[0] * cosine + n2[1] * sine)
+        return d2 * (1 - h) + d1 * h - 0.2 * h * (1 - h), outward, -h * n1[0], -(1 - h) * n2[1]
+
+    r = np.full_like(phi, 0.5)
+    for _ in range(60):
+        g, outward, _, _ = sides(r)
+        r = r - (g - 0.02) / outward
+    _, outward, by_a, by_c = sides(r)
+    per_ray = math.pi / len(phi) * 2
+    assert value == pytest.approx(0.5 * np.sum(r * r) * per_ray, rel=1e-9)
+    for name, rate in {"a": -by_a, "c": -by_c, "t": np.ones_like(phi)}.items():
+        assert gradient[name] == pytest.approx(np.sum(r * rate / outward) * per_ray, rel=1e-8), name
