@@ -26,10 +26,10 @@ from teg.analysis.roots import Root, solve, tidy
 from teg.analysis.surfaces import atoms_of, binders_inside
 from teg.analysis.tails import is_unbounded
 from teg.errors import NotDifferentiableError, OperandError
-from teg.ir.expr import FALSE, MINUS_ONE, ONE, TRUE, ZERO, Add, Call, Cond, Const, Expr, Mul, Pow, Var, Where, const
+from teg.ir.expr import FALSE, MINUS_ONE, ONE, TRUE, ZERO, Add, Call, Cond, Const, Expr, Mul, Pow, Var, const
 from teg.ir.node import Node
 from teg.ir.show import show
-from teg.ir.simplify import add, call, conjunction, disjunction, integer_power, mul, negation, positive, sub, where
+from teg.ir.simplify import add, call, conjunction, disjunction, integer_power, mul, negation, nonzero_part, positive, sub, where
 from teg.ir.traverse import parameters, substitute
 
 MAX_POINTS = 16
@@ -76,9 +76,7 @@ def at_births(g: Expr, coefficient: Expr, chain: Chain) -> Expr:
 
 def _is_multiple(coefficient: Expr, rate: Expr) -> bool:
     """Returns whether a coefficient is F·∂g/∂x: as ∫ F·∂g/∂x·δ(g) dx = -∫ ∂F/∂x·[g > 0] dx, a birth adds nothing."""
-    while isinstance(coefficient, Where) and coefficient.otherwise is ZERO:
-        coefficient = coefficient.then
-    have = _powers(coefficient)
+    have = _powers(nonzero_part(coefficient)[1])
     return all(have.get(b, 0) >= n > 0 for b, n in _powers(rate).items() if not isinstance(b, Const))
 
 

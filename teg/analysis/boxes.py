@@ -13,9 +13,9 @@ from teg.analysis.polynomial import Shadow
 from teg.analysis.surfaces import atoms_of
 from teg.analysis.tails import is_unbounded
 from teg.errors import NotDifferentiableError
-from teg.ir.expr import TRUE, ZERO, Add, Cond, Expr, Mul, Var, Where, const
+from teg.ir.expr import TRUE, ZERO, Add, Expr, Mul, Var, const
 from teg.ir.integral import Integral, masses_of
-from teg.ir.simplify import add, integer_power, mul, negation, where
+from teg.ir.simplify import add, integer_power, mul, nonzero_part, where
 from teg.ir.traverse import substitute
 
 Coefficients = dict[tuple[int, int], Expr]
@@ -47,15 +47,6 @@ def nest_of_two(node: Integral, guarded: bool = False) -> tuple[Chain, Expr] | N
     if box is None:
         return None
     return (Binder(node.var, node.lo, node.hi), Binder(box.var, box.lo, box.hi)), where(condition, add(*total), ZERO)
-
-
-def nonzero_part(body: Expr) -> tuple[Cond, Expr]:
-    """Returns a condition outside of which a body is 0, and the body where the condition holds."""
-    if isinstance(body, Where) and body.otherwise is ZERO:
-        return body.condition, body.then
-    if isinstance(body, Where) and body.then is ZERO:
-        return negation(body.condition), body.otherwise
-    return TRUE, body
 
 
 def coefficients(e: Expr, chain: Chain, scaled: bool = False) -> Coefficients | None:

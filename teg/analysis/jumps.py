@@ -11,7 +11,8 @@ differentiate each occurrence alone; the rule for the whole integrand is new her
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
+from itertools import combinations
 from typing import Any, cast
 
 from teg.analysis.calculus import factor_cofactors
@@ -22,11 +23,16 @@ from teg.analysis.polynomial import Point
 from teg.analysis.singularities import fades_at
 from teg.ir import expr as ex
 from teg.ir import simplify
-from teg.ir.expr import FALSE, TRUE, ZERO, Add, And, Call, Compare, Cond, Const, Expr, Mul, Or, Tuple, Where
+from teg.ir.expr import FALSE, TRUE, ZERO, Add, And, Call, Compare, Cond, Const, Expr, Mul, Not, Or, Tuple, Where
 from teg.ir.integral import Integral, integral_over
 from teg.ir.node import Node, postorder
 from teg.ir.simplify import add, conjunction, disjunction, mul, negation, sub, where
 from teg.ir.traverse import rebuild, replace_node
+
+MOST_ALTERNATIVES = 16
+"""The largest number of alternatives with one surface that are compared with each other."""
+Flip = tuple[Cond, Cond]
+"""Where a condition holds on the side g > 0 of a surface only, and where on the other side only."""
 
 
 def _containing(root: Node, surface: Expr, kinks: Collection[Node] = ()) -> list[Node]:
@@ -81,6 +87,7 @@ def jump(e: Expr, surface: Expr) -> Expr:
     if limits:
         one, zero = (_assign(order, surface, side, poles.limit) for side in (TRUE, FALSE))
     jumps: dict[Node, Expr] = {}
+    flips = _flips(order, surface)
 
     def of(node: Node) -> Expr:
         return jumps.get(node, ZERO)
@@ -114,10 +121,8 @@ def jump(e: Expr, surface: Expr) -> Expr:
                     jumps[node] = where(c1, ZERO, sub(b1, a0))
                 elif c1 is TRUE and node.then not in one:
                     jumps[node] = where(c0, ZERO, sub(a1, b0))
-                elif a1 is a0 and b1 is b0 and (more := _less(c1, c0)) is not None:
-                    jumps[node] = where(more, sub(a1, b1), ZERO)
-                elif a1 is a0 and b1 is b0 and (fewer := _less(c0, c1)) is not None:
-                    jumps[node] = where(fewer, sub(b1, a1), ZERO)
+                elif a1 is a0 and b1 is b0 and (flip := flips.get(node.condition)) is not None:
+                    jumps[node] = add(where(flip[0], sub(a1, b1), ZERO), where(flip[1], sub(b1, a1), ZERO))
                 else:
                     jumps[node] = sub(where(c1, a1, b1), where(c0, a0, b0))
             case Tuple():
@@ -129,15 +134,27 @@ def jump(e: Expr, surface: Expr) -> Expr:
     return jumps[e]
 
 
-def _less(larger: Cond, smaller: Cond) -> Cond | None:
-    """Returns where a condition holds and one of its alternatives does not: u | v without v is u & ~v, or u if they exclude each other.
-    None if the second condition is not written as a part of the first."""
-    every, part = (c.children if isinstance(c, Or) else (c,) for c in (larger, smaller))
-    if not set(part) < set(every):
-        return None
-    rest = [c for c in every if c not in part]
-    others = [v for v in part if not all(_exclude(u, v) for u in rest)]
-    return conjunction(disjunction(*rest), *(negation(v) for v in others))
+def _flips(order: Sequence[Node], surface: Expr) -> dict[Node, Flip]:
+    """Returns, of the conditions that contain the surface, where they begin to hold when it is crossed, and where they cease to; none of
+    those that are not made of atoms of the surface by alternatives that exclude each other, and by parts of which one contains it."""
+    flips: dict[Node, Flip] = {}
+    contains = set(order)
+    for node in order:
+        touched = [cast(Cond, c) for c in node.children if c in contains]
+        if isinstance(node, Compare) and node.g is surface:
+            flips[node] = TRUE, FALSE
+        elif not isinstance(node, And | Or | Not) or not all(c in flips for c in touched):
+            continue
+        elif isinstance(node, Not):
+            flips[node] = flips[node.operand][::-1]
+        elif isinstance(node, And) and len(touched) == 1:
+            rising, falling = (conjunction(*(flip if c in contains else c for c in node.children)) for flip in flips[touched[0]])
+            flips[node] = rising, falling
+        elif isinstance(node, Or) and len(touched) <= MOST_ALTERNATIVES and all(_exclude(u, v) for u, v in combinations(touched, 2)):
+            sides = {c: [negation(v) for v in node.children if v not in contains and not _exclude(c, v)] for c in touched}
+            both = [disjunction(*(conjunction(flips[c][way], *others) for c, others in sides.items())) for way in (0, 1)]
+            flips[node] = both[0], both[1]
+    return flips
 
 
 def _exclude(u: Cond, v: Cond) -> bool:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from teg.ir.expr import ONE, ZERO, Add, And, Call, Cond, Const, Expr, Mul, Tuple, Var, Where
+from teg.ir.expr import ONE, TRUE, ZERO, Add, And, Call, Const, Expr, Mul, Tuple, Var, Where
 from teg.ir.node import Node, union
-from teg.ir.simplify import conjunction, mul, sub, tuple_of, where
+from teg.ir.simplify import conjunction, mul, nonzero_part, sub, tuple_of, where
 
 
 class Integral(Expr):
@@ -142,13 +142,11 @@ def delta(g: Expr) -> Expr:
 
 def scaled_integral(body: Expr, var: Var, lo: Expr, hi: Expr) -> Expr:
     """Returns ∫ₗʰ body dx with the factors and conditions that are free of x in front; ∫ₗʰ dx is h - l."""
-    outer: list[Cond] = []
-    if isinstance(body, Where) and body.otherwise is ZERO and var not in body.condition.free:
-        outer, body = [body.condition], body.then
-    elif isinstance(body, Where) and body.otherwise is ZERO and isinstance(body.condition, And):
-        outer = [c for c in body.condition.children if var not in c.free]
-        if outer:
-            body = where(conjunction(*(c for c in body.condition.children if var in c.free)), body.then, ZERO)
+    condition, value = nonzero_part(body)
+    parts = condition.children if isinstance(condition, And) else (condition,)
+    outer = [c for c in parts if var not in c.free]
+    if condition is not TRUE and outer:
+        body = where(conjunction(*(c for c in parts if var in c.free)), value, ZERO)
     factors = body.children if isinstance(body, Mul) else (body,)
     outside = [f for f in factors if var not in f.free and not f.has_delta]
     inside = [f for f in factors if var in f.free or f.has_delta]

@@ -331,9 +331,22 @@ def where(condition: Cond, then: Expr, otherwise: Expr) -> Expr:
         then = then.then
     if isinstance(otherwise, Where) and otherwise.condition is condition:
         otherwise = otherwise.otherwise
-    if otherwise is ZERO and isinstance(then, Where) and then.otherwise is ZERO:
-        condition, then = conjunction(condition, then.condition), then.then
+    if otherwise is ZERO and isinstance(then, Where) and ZERO in (then.then, then.otherwise):
+        inner, value = nonzero_part(then)
+        return where(conjunction(condition, inner), value, ZERO)
+    if then is ZERO and isinstance(otherwise, Where) and ZERO in (otherwise.then, otherwise.otherwise):
+        inner, value = nonzero_part(otherwise)
+        return where(conjunction(negation(condition), inner), value, ZERO)
     return then if then is otherwise else Where.make(None, (condition, then, otherwise))
+
+
+def nonzero_part(e: Expr) -> tuple[Cond, Expr]:
+    """Returns a condition outside of which an expression is 0, and the expression where the condition holds."""
+    if isinstance(e, Where) and e.otherwise is ZERO:
+        return e.condition, e.then
+    if isinstance(e, Where) and e.then is ZERO:
+        return negation(e.condition), e.otherwise
+    return TRUE, e
 
 
 def holds_with(c: Cond, known: Cond) -> bool:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import math
+import random
 
 import pytest
 
@@ -130,6 +132,36 @@ def test_kinks_of_waves_have_no_delta(kink: teg.Expr) -> None:
 def test_the_jump_of_alternatives_is_one_condition(condition: teg.Cond, expected: teg.Expr) -> None:
     """As a difference of two conditions it would be 0·NaN where a slope is NaN and both hold."""
     assert jump(teg.bracket(condition), G) is canonicalise(expected)
+
+
+def random_condition(rng: random.Random, depth: int) -> teg.Cond:
+    if depth == 0 or rng.random() < 0.2:
+        c: teg.Cond = rng.choice([x < t, x < t, a > 0, b > 0, x < 0.5])
+        return ~c if rng.random() < 0.4 else c
+    if rng.random() < 0.4:  # as a condition is hoisted
+        p = rng.choice([a > 0, b > 0, x < 0.5])
+        return (p & random_condition(rng, depth - 1)) | (~p & random_condition(rng, depth - 1))
+    u, v = random_condition(rng, depth - 1), random_condition(rng, depth - 1)
+    return u & v if rng.random() < 0.5 else u | v
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_jump_of_random_conditions(seed: int) -> None:
+    rng = random.Random(seed)
+    for _ in range(6):
+        condition = random_condition(rng, 4)
+        jumps = jump(teg.where(condition, 3 * y, 1), G)
+        copies = assign(teg.where(condition, 3 * y, 1), G, True) - assign(teg.where(condition, 3 * y, 1), G, False)  # type: ignore[operator]
+        for x_at, a_at, b_at in itertools.product((0.2, 0.8), (-1.0, 1.0), (-1.0, 1.0)):
+            at: dict[teg.Expr, float] = {x: x_at, y: 0.7, t: 0.4, a: a_at, b: b_at}
+            assert values(jumps, at) == pytest.approx(values(copies, at), abs=1e-14), condition
+
+
+def test_the_jump_of_nested_alternatives_is_where_the_surface_decides() -> None:
+    """As the quadrants of a superellipse: the others, which are not numbers there, are left out."""
+    p, q, others = x > 0, y > 0, [teg.sqrt(y) < a, teg.sqrt(-x) < a, teg.sqrt(-x - y) < a]
+    condition = (p & ((q & (x < t)) | (~q & others[0]))) | (~p & ((q & others[1]) | (~q & others[2])))
+    assert jump(teg.bracket(condition), G) is canonicalise(teg.bracket(p & q))
 
 
 A_CHOICE = teg.where(x > 0.5, teg.sqrt(x - t), 0.1)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 import teg
-from teg.analysis.polynomial import Point, Shadow
+from teg.analysis.polynomial import Point, Shadow, is_null
+from teg.ir.simplify import call
 
 x, y, z = teg.vars("x y z")
 t, a, b = teg.params("t a b")
@@ -58,3 +59,20 @@ def test_points_tell_equal_from_different() -> None:
     assert p.value(x * 3.5 + 0.1) != Point("two").value(x * 3.5 + 0.1)
     assert p.value(teg.sin(x + t)) == p.value(teg.sin(t + x))
     assert p.value(x / x - 1) == 0
+
+
+def test_extremes_are_sizes_of_differences() -> None:
+    """max(u, v) = (u + v + |u - v|)/2, however it is written."""
+    u, v, point = x * t, y - a, Point()
+    high, low = call("max", u, v), call("min", u, v)
+    for e in (
+        call("magnitude", u) - call("magnitude", -u),
+        high - call("max", v, u),
+        high + call("min", -u, -v),
+        high + low - u - v,
+        high - low - call("magnitude", v - u),
+        call("max", u, 0 * t) - u + call("min", u, 0 * t),
+    ):
+        assert is_null(e), e
+    assert point.value(call("magnitude", u)) not in (point.value(u), point.value(-u), 0)
+    assert not is_null(call("magnitude", u) + call("magnitude", v) - call("magnitude", u + v))

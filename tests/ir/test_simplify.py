@@ -5,6 +5,8 @@ from __future__ import annotations
 import pytest
 
 import teg
+from teg.ir.expr import ONE, ZERO
+from teg.ir.integral import scaled_integral
 
 x, y = teg.vars("x y")
 t = teg.param("t")
@@ -53,3 +55,12 @@ def test_bids_in_a_first_price_auction(backend: str) -> None:
         assert f.grad(t=reserve)["t"] == pytest.approx(slope, abs=1e-12)
         curvature = 20 * reserve**3 - 50 * reserve**4
         assert f.hessian(t=reserve)["t", "t"] == pytest.approx(curvature, abs=1e-10)
+
+
+def test_a_branch_that_is_0_where_a_condition_holds() -> None:
+    """It guards as one that is 0 where a condition does not hold."""
+    c, d, v = x > 0, y > t, x * teg.sqrt(y)
+    assert teg.where(c, teg.where(d, 0, v), 0) is teg.where(c & ~d, v, 0)
+    assert teg.where(c, 0, teg.where(d, v, 0)) is teg.where(~c & d, v, 0)
+    assert teg.where(c, 0, teg.where(d, 0, v)) is teg.where(~c & ~d, v, 0)
+    assert scaled_integral(teg.where(d, 0, v), x, ZERO, ONE) is teg.where(d, 0, teg.sqrt(y) * teg.integral(x, (x, 0, 1)))

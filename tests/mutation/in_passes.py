@@ -36,6 +36,31 @@ IN_PASSES: tuple[Mutant, ...] = (
         ("zeros of factors", "dict.fromkeys(factor for branch in branches for factor in _factors(branch, x))", "branches"),
     ),
     *mutants(
+        "teg/passes/normalise/angles.py",
+        ("tests/passes/normalise/test_angles.py",),
+        ("an angle measured clockwise", "return mul(MINUS_ONE, v) if clockwise else v, u, add(*rest)", "return v, u, add(*rest)"),
+        ("the radius of another angle", "and not is_null(sub(radius.children[0], square))", "and False"),
+    ),
+    *mutants(
+        "teg/ir/simplify.py",
+        ("tests/ir/test_simplify.py", "tests/passes/eliminate/test_implicit.py"),
+        (
+            "a branch that is 0 where a condition holds",
+            "if isinstance(e, Where) and e.then is ZERO:\n        return neg",
+            "if False:\n        return neg",
+        ),
+    ),
+    *mutants(
+        "teg/passes/normalise/canonicalise.py",
+        ("tests/passes/normalise/test_canonicalise.py",),
+        ("a kink without a formula", "not _has_formula(b.condition.g) and kinks.sign(b)", "False"),
+    ),
+    *mutants(
+        "teg/analysis/polynomial.py",
+        ("tests/analysis/test_polynomial.py", "tests/passes/normalise/test_canonicalise.py"),
+        ("the size of a negative number", "least = min(value % P, -value % P)", "least = value % P"),
+    ),
+    *mutants(
         "teg/passes/normalise/denominators.py",
         ("tests/passes/normalise/test_canonicalise.py",),
         (

@@ -49,6 +49,12 @@ MUTANTS: tuple[Mutant, ...] = (
         ("jump of a product", "before = mul(before, zero(c))", "before = mul(before, one(c))"),
         ("jump of a function", "jumps[node] = sub(at(one, node), at(zero, node))", "jumps[node] = sub(at(zero, node), at(one, node))"),
         ("jump of a condition", "jumps[node] = sub(where(c1, a1, b1), where(c0, a0, b0))", "jumps[node] = where(c1, a1, b1)"),
+        (
+            "alternatives that stay where a surface is crossed",
+            "[negation(v) for v in node.children if v not in contains and not _exclude(c, v)]",
+            "[]",
+        ),
+        ("where a condition begins to hold", "flips[node] = flips[node.operand][::-1]", "flips[node] = flips[node.operand]"),
         ("jump of a branch", "jumps[node] = where(c1, of(node.then), of(node.otherwise))", "jumps[node] = where(c1, of(node.then), ZERO)"),
     ),
     *mutants(

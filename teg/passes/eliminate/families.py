@@ -24,10 +24,10 @@ from teg.analysis.sift import deltas_of, linear_part, without
 from teg.analysis.surfaces import is_affine
 from teg.analysis.tails import is_unbounded
 from teg.errors import DeltaError, NoReparameterisationError, NotDifferentiableError
-from teg.ir.expr import ZERO, Call, Cond, Const, Expr, Mul, Var, Where
+from teg.ir.expr import ZERO, Call, Const, Expr, Mul, Var
 from teg.ir.integral import Delta, Integral, delta, integral_over
 from teg.ir.node import Node, postorder
-from teg.ir.simplify import add, conjunction, mul, where
+from teg.ir.simplify import add, mul, nonzero_part, where
 from teg.ir.traverse import fresh, rebuild, rename_apart
 from teg.maps.diffeomorphism import Diffeomorphism, checked_maps
 from teg.passes.eliminate.affine import Affine, match_affine, match_partly_affine, match_turning, rewrite_affine
@@ -341,14 +341,11 @@ class _Elimination:
 
 def _apart(coefficient: Expr, variables: set[Var]) -> tuple[Expr, Expr]:
     """Returns a factor of a coefficient that depends on none of the variables, and the other factor, which includes the conditions."""
-    conditions: list[Cond] = []
-    while isinstance(coefficient, Where) and coefficient.otherwise is ZERO:
-        conditions.append(coefficient.condition)
-        coefficient = coefficient.then
+    condition, coefficient = nonzero_part(coefficient)
     factors = coefficient.children if isinstance(coefficient, Mul) else (coefficient,)
     outside = [f for f in factors if f.free.isdisjoint(variables) and not f.has_delta and not isinstance(f, Const)]
     inside = mul(*(f for f in factors if f not in outside))
-    return mul(*outside), where(conjunction(*conditions), inside, ZERO)
+    return mul(*outside), where(condition, inside, ZERO)
 
 
 def _describe(g: Expr, variables: Sequence[Var]) -> str:

@@ -387,3 +387,37 @@ def test_second_derivatives_of_the_area_under_a_quotient(name: str, backend: str
     f = teg.compile(teg.integral(teg.bracket(y < height), (x, 0, 1), (y, 0, 1)), [t, a], backend=backend)
     h = f.hessian(t=0.3, a=0.7)
     assert [h["t", "t"], h["t", "a"], h["a", "a"]] == pytest.approx(wanted(0.3, 0.7), abs=1e-12)
+
+
+def superellipse_area(p: float, t: float) -> float:
+    """Of |x|^p + |y|^p < t."""
+    return 4 * t ** (2 / p) * math.gamma(1 + 1 / p) ** 2 / math.gamma(1 + 2 / p)
+
+
+@pytest.mark.parametrize("backend", ["numpy", "c", pytest.param("jax", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("p", [0.5, 2.5])
+def test_powers_of_sizes(p: float, backend: str, x64_for_jax: None) -> None:
+    """Its gradient was NaN: a quarter's power is no number in the other quarters."""
+    e = teg.integral(teg.bracket(teg.abs(x - a) ** p + teg.abs(y) ** p < t), (x, -2, 2), (y, -2, 2))
+    value, gradient = teg.compile(e, [a, t], backend=backend).value_and_grad(a=0.1, t=0.8)
+    assert value == pytest.approx(superellipse_area(p, 0.8), rel=1e-10)
+    assert gradient["t"] == pytest.approx(2 / p / 0.8 * superellipse_area(p, 0.8), rel=1e-9)
+    assert gradient["a"] == pytest.approx(0, abs=1e-9)
+
+
+def test_a_power_that_is_a_parameter() -> None:
+    e = teg.integral(teg.bracket(teg.abs(x) ** a + teg.abs(y) ** a < t), (x, -2, 2), (y, -2, 2))
+    value, gradient = teg.compile(e, [a, t], backend="numpy").value_and_grad(a=0.6, t=0.8)
+    assert value == pytest.approx(superellipse_area(0.6, 0.8), rel=1e-9)
+    h = 1e-3
+    far, near = (superellipse_area(0.6 + d, 0.8) - superellipse_area(0.6 - d, 0.8) for d in (2 * h, h))
+    assert gradient["a"] == pytest.approx((8 * near - far) / (12 * h), rel=1e-8)
+
+
+@pytest.mark.parametrize("inside", [(x < 0) & (teg.sqrt(-x) + y**2 < t), ~(x >= 0) & (teg.sqrt(-x) < t - y**2)])
+def test_a_side_on_which_a_surface_is_no_number(inside: teg.Cond) -> None:
+    """A factor where(x >= 0, 0, v) guards v as where(x < 0, v, 0) does. The area is ∫ (t - y²)² dy up to y = √t."""
+    f = teg.compile(teg.integral(teg.bracket(inside), (x, -1, 0.5), (y, 0, 1)), [t], backend="numpy")
+    value, gradient = f.value_and_grad(t=0.8)
+    assert value == pytest.approx(8 / 15 * 0.8**2.5, rel=1e-10)
+    assert gradient["t"] == pytest.approx(4 / 3 * 0.8**1.5, rel=1e-10)

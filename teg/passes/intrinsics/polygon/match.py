@@ -19,7 +19,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import cast
 
-from teg.analysis.boxes import nonzero_part
 from teg.analysis.calculus import slope
 from teg.analysis.polynomial import Shadow
 from teg.analysis.surfaces import atoms_of
@@ -28,7 +27,7 @@ from teg.errors import NotDifferentiableError
 from teg.ir.expr import MINUS_ONE, ONE, TRUE, ZERO, Add, And, Compare, Cond, Expr, Mul, Not, Or, Var
 from teg.ir.integral import Integral, masses_of
 from teg.ir.node import Node
-from teg.ir.simplify import add, conjunction, disjunction, mul, negation, positive, sub, where
+from teg.ir.simplify import add, conjunction, disjunction, mul, negation, nonzero_part, positive, sub, where
 from teg.ir.traverse import replace_node, substitute
 from teg.program import MAX_HALF_PLANES, MAX_HALF_SPACES
 
