@@ -27,7 +27,7 @@ from teg.analysis.surfaces import atoms_of, binders_inside
 from teg.ir.expr import FALSE, TRUE, Add, Call, Compare, Cond, Const, Expr, Mul, Or, Pow, Var, Where, const, has_cut
 from teg.ir.integral import ClosedForm, Integral, masses_of
 from teg.ir.node import Node, digest, postorder
-from teg.ir.simplify import conjunction, disjunction, mul, sub, where
+from teg.ir.simplify import collected, conjunction, disjunction, mul, sub, where
 from teg.ir.traverse import substitute
 from teg.numerics.field import divided, residue
 
@@ -412,7 +412,14 @@ def _with_the_same_zeros(f: Expr) -> Expr:
 
 
 def _factors(e: Expr, x: Var) -> list[Expr]:
-    """Returns the factors of a product that depend on x, each of which keeps its own zeros: multiplied out they would be rounded."""
+    """Returns the factors of a product that depend on x, each of which keeps its own zeros: multiplied out they would be rounded.
+
+    So are those of a sum of which one term is left: a + x + c·(x - ½)³ meets a + x at a root of three, which has a third of the digits.
+    """
+    if isinstance(e, Add) and (rest := collected(e)) is not e and isinstance(rest, Mul | Pow):
+        e = rest
+    if isinstance(e, Pow) and e.exponent > 0:
+        return [e.base]
     if isinstance(e, Mul):
         return [c.base if isinstance(c, Pow) and c.exponent > 0 else c for c in e.children if x in c.free]
     return [e]

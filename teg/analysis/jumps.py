@@ -189,7 +189,8 @@ def vanishes_on(e: Expr, surface: Expr) -> bool:
         return e is ZERO
     if Poles(surface).has(e):  # 0/0, which the field takes for 0
         return False
-    if surface.has_integral or any(isinstance(n, Call) for n in postorder([surface])):  # |g| has no jump, whatever g is
+    order = postorder([surface, e])
+    if any(isinstance(n, Call | Compare | Integral) for n in order):  # |g| has no jump, whatever g is; nor has a condition on it
         without = cast(Expr, replace_node(e, surface, ZERO))
         if all(Point(trial).value(without) == 0 for trial in ("0", "1")):
             return True

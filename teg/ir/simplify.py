@@ -84,6 +84,20 @@ def add(*terms: Expr) -> Expr:
     return kept[0] if len(kept) == 1 else Add.make(None, tuple(kept))
 
 
+def collected(e: Expr) -> Expr:
+    """Returns a sum with the terms of sums in it, and of numbers times sums, as its own: equal ones are collected, or cancel."""
+    terms: list[Expr] = []
+    stack = [(e, 1.0)]
+    while stack:
+        term, factor = stack.pop()
+        number, product = _split(term) if isinstance(term, Mul) else (1.0, term)
+        if isinstance(product, Add):
+            stack.extend((c, factor * number) for c in reversed(product.children))
+        else:
+            terms.append(mul(const(factor), term))
+    return add(*terms)
+
+
 def guarded_sum(terms: Iterable[Expr]) -> Expr:
     """Returns the sum of cotangents.
 
@@ -392,8 +406,14 @@ def conjunction(*conditions: Cond) -> Cond:
 
 
 def disjunction(*conditions: Cond) -> Cond:
-    """Returns a | b | …"""
-    return _junction(Or, conditions, TRUE, FALSE)
+    """Returns a | b | …; a & b | ~a & b is b."""
+    result = _junction(Or, conditions, TRUE, FALSE)
+    if isinstance(result, Or) and len(result.children) == 2:
+        first, second = (dict.fromkeys(c.children if isinstance(c, And) else (c,)) for c in result.children)
+        others = [c for c in (*first, *second) if not (c in first and c in second)]
+        if len(others) == 2 and len(first) == len(second) and negation(others[0]) is others[1]:
+            return conjunction(*(c for c in first if c in second))
+    return result
 
 
 def _junction(cls: type[And] | type[Or], conditions: Iterable[Cond], absorbing: Truth, neutral: Truth) -> Cond:

@@ -7,6 +7,7 @@ import pytest
 import teg
 from teg.ir.expr import ONE, ZERO
 from teg.ir.integral import scaled_integral
+from teg.ir.simplify import collected
 
 x, y = teg.vars("x y")
 t = teg.param("t")
@@ -64,3 +65,17 @@ def test_a_branch_that_is_0_where_a_condition_holds() -> None:
     assert teg.where(c, 0, teg.where(d, v, 0)) is teg.where(~c & d, v, 0)
     assert teg.where(c, 0, teg.where(d, 0, v)) is teg.where(~c & ~d, v, 0)
     assert scaled_integral(teg.where(d, 0, v), x, ZERO, ONE) is teg.where(d, 0, teg.sqrt(y) * teg.integral(x, (x, 0, 1)))
+
+
+def test_alternatives_that_differ_in_one_condition_and_its_negation() -> None:
+    c, d, v = x > 0, y > t, x < t
+    assert (c & d & v) | (~c & d & v) is d & v
+    assert (c & d) | (d & ~c) is d
+    assert (c & d) | (~c & v) is not d
+    assert (c & d) | (~c & d & v) is not d
+
+
+def test_sums_in_sums_are_collected() -> None:
+    first, second = t + 2 * x + y * (x - 0.5) ** 3, t + x
+    assert collected(first - second - x) is y * (x - 0.5) ** 3
+    assert collected(-(first - t)) is -2 * x - y * (x - 0.5) ** 3

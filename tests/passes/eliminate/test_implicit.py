@@ -421,3 +421,15 @@ def test_a_side_on_which_a_surface_is_no_number(inside: teg.Cond) -> None:
     value, gradient = f.value_and_grad(t=0.8)
     assert value == pytest.approx(8 / 15 * 0.8**2.5, rel=1e-10)
     assert gradient["t"] == pytest.approx(4 / 3 * 0.8**1.5, rel=1e-10)
+
+
+def test_a_superellipse_that_turns() -> None:
+    """Nothing jumps on its axes, whatever the signs of its semi-axes b and c are."""
+    c = teg.param("c")
+    u, v = x * teg.cos(a) + y * teg.sin(a), y * teg.cos(a) - x * teg.sin(a)
+    inside = teg.abs(u / b) ** 2.5 + teg.abs(v / c) ** 2.5 < 1
+    f = teg.compile(teg.integral(teg.bracket(inside), (x, -1, 1), (y, -1, 1)), [a, b, c], backend="numpy")
+    value, gradient = f.value_and_grad(a=0.3, b=0.8, c=0.4)
+    assert value == pytest.approx(0.32 * superellipse_area(2.5, 1), rel=1e-10)
+    assert gradient["a"] == pytest.approx(0, abs=1e-9)
+    assert gradient["b"] == pytest.approx(value / 0.8, rel=1e-9)
