@@ -73,12 +73,13 @@ typedef struct {
 
 //: teg_region
 /* A part of a candidate that is inserted: its key in the middle, which guards have lines that cut the tile, as bits, and these lines, the
-   first and one behind the last. */
+   first and one behind the last; `front`: whether it is nearer than the base on all of the tile, with a margin, or there is no base. */
 typedef struct {
     double middle;
     int64_t region;
     int first, end;
     unsigned cuts;
+    int front;
 } teg_region;
 
 //: teg_arrangement

@@ -218,7 +218,7 @@ static void teg_insert_in_cell(teg_arrangement *r, const teg_region *region, siz
     const size_t at = r->cells[k].at;
     const int n = r->cells[k].n, parts = TEG_SHAPE(r->shape)->parts;
     int extra = -1;
-    if (owner >= 0) {
+    if (owner >= 0 && !(region->front && owner == r->base)) {
         double g[3], tolerance;
         int above = 0, below = 0, equal = 0;
         if (owner / parts == region->region / parts) return;

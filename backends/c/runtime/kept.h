@@ -95,18 +95,6 @@ static int teg_is_opposite(const teg_line *h, const teg_line *g, const teg_piece
     return (near & (near - 1)) && teg_below_level(d, TEG_ON_LINE) == (1u << TEG_PIECE) - 1;
 }
 
-//: teg_in_front
-/* Whether a region is nearer than the base on all of the square, with a margin, or there is no base. */
-static int teg_in_front(const teg_arrangement *r, const teg_region *region)
-{
-    const int parts = TEG_SHAPE(r->shape)->parts;
-    double key[3], size;
-    if (r->base < 0) return 1;
-    if (r->base / parts == region->region / parts) return 0;
-    size = teg_key_difference(r, r->base / parts, region->region / parts, key);
-    return teg_lowest(r, key) > 2.0 * teg_key_tolerance(key, size);
-}
-
 //: teg_one_part
 /* The part of the square on a region. Returns 0 where nothing is cut off, nothing is left, or a corner lies on a line. */
 static int teg_one_part(const teg_arrangement *r, const teg_region *region, teg_piece *piece)
@@ -136,7 +124,7 @@ static int teg_two_parts(teg_kept *kept, const double *otherwise)
     teg_sort_regions(r->regions, r->region_count);
     kept->other = two ? r->regions[1].region : r->base;
     if (two && kept->other / s->parts == first->region / s->parts) return 0;
-    if (!teg_in_front(r, first) || !teg_is_known(s, teg_polynomials(r, kept->other, otherwise))) return 0;
+    if (!first->front || !teg_is_known(s, teg_polynomials(r, kept->other, otherwise))) return 0;
     if (!teg_one_part(r, first, &piece)) return 0;
     if (two && !teg_is_opposite(r->lines + r->regions[1].first, r->lines + first->first, &piece)) return 0;
     teg_cell_of(r, &piece, first->region);
@@ -364,8 +352,11 @@ TEG_APART int teg_pull_cells(teg_kept *kept, const double *otherwise, const doub
     const int forms = teg_forms(s), count = teg_coefficients(s);
     const int64_t other = kept->state == TEG_TWO_PARTS ? kept->other : r->base;
     const double *const base = teg_polynomials(r, other, otherwise);
-    for (int64_t k = 0; k < (r->n + 1) * forms; k++) table[k] = kept->state == TEG_UNDEFINED ? NAN : 0.0;
-    if (kept->state == TEG_UNDEFINED) return 0;
+    if (kept->state == TEG_UNDEFINED) {
+        for (int64_t k = 0; k < (r->n + 1) * forms; k++) table[k] = NAN;
+        return 0;
+    }
+    memset(table, 0, (size_t)((r->n + 1) * forms) * sizeof *table);
     if (r->failed) return 1;
     if (kept->state == TEG_TABLES) {
         for (int body = 0; body < s->bodies; body++)

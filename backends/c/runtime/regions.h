@@ -2,13 +2,13 @@
 
 //: teg_present
 /* Whether a region may be in the tile; if so its guards with cutting lines are noted. */
-static inline int teg_present(teg_arrangement *r, teg_region *region)
+static inline int teg_present(const teg_arrangement *r, teg_region *region, int *undefined)
 {
     const teg_shape *const s = TEG_SHAPE(r->shape);
     const double *const f = r->rows + region->region / s->parts * teg_row(s) + 3 * (int)(region->region % s->parts) * s->guards;
     const teg_signs signs = teg_signs_of(f, s->guards, r->u, r->v, r->su, r->sv);
     region->cuts = signs.cuts;
-    r->undefined |= !signs.absent & (signs.infinite != 0);
+    *undefined |= !signs.absent & (signs.infinite != 0);
     return !signs.absent;
 }
 
@@ -56,45 +56,48 @@ static void teg_sort_regions(teg_region *regions, size_t count)
 /* Find the regions that may be seen in the tile, in their order, among those of a list (NULL: all); and the base, which covers it. */
 static void teg_select(teg_arrangement *r, const int64_t *list, int64_t regions)
 {
-    static const teg_line sides[4] = {{0, 1, 0, 1, -1, -1, 0, 0, 0, -1, 0}, {1, -1, 0, 1, -1, -1, 0, 0, 0, -1, 0},
-        {0, 0, 1, 1, -1, -1, 0, 0, 0, -1, 0}, {1, 0, -1, 1, -1, -1, 0, 0, 0, -1, 0}};
     const teg_shape *const s = TEG_SHAPE(r->shape);
     int64_t base = -1;
     double nearest = INFINITY;
-    size_t kept = 0;
+    size_t kept = 0, present_count = 0;
+    int undefined = 0;
     r->undefined = r->alone = 0;
     r->cell_count = r->region_count = r->used = 0;
-    memcpy(r->lines, sides, sizeof sides);
     r->line_count = 4;
-    for (int64_t k = 0; k < regions && !r->undefined && !r->failed; k++) {
+    for (int64_t k = 0; k < regions; k++) {
         teg_region *region;
         double g[3], highest;
-        int present, better;
-        if (r->region_count == r->region_room) {
+        int present, covers, better;
+        if (present_count == r->region_room) {
             r->regions =
-                teg_grown(r->regions, r->own_regions, r->region_count * sizeof *region, 2 * r->region_room * sizeof *region, &r->failed);
+                teg_grown(r->regions, r->own_regions, present_count * sizeof *region, 2 * r->region_room * sizeof *region, &r->failed);
             if (r->failed) return;
             r->own_regions = 1;
             r->region_room *= 2;
         }
-        region = r->regions + r->region_count;
-        region->region = list ? list[k] : k;
-        present = teg_present(r, region);
+        region = r->regions + present_count;
+        region->region = list ? list[k] : k, region->front = 1;
+        present = teg_present(r, region, &undefined);
         teg_key_form(r, region->region / s->parts, g);
-        r->undefined |= present & !((fabs(g[0]) < INFINITY) & (fabs(g[1]) < INFINITY) & (fabs(g[2]) < INFINITY));
+        undefined |= present & !((fabs(g[0]) < INFINITY) & (fabs(g[1]) < INFINITY) & (fabs(g[2]) < INFINITY));
         region->middle = g[0] + 0.5 * (r->u[0] + r->u[1]) * g[1] + 0.5 * (r->v[0] + r->v[1]) * g[2];
         highest = teg_highest(r, g);
-        better = present & !region->cuts & ((base < 0) | (highest < nearest));
-        base = better ? region->region : base, nearest = better ? highest : nearest;
-        r->region_count += (size_t)present;
+        covers = present & !region->cuts;
+        highest = teg_pick(covers, highest, INFINITY);
+        better = highest < nearest;
+        base += -(int64_t)better & (region->region - base), nearest = teg_least_of(highest, nearest);
+        present_count += (size_t)present;
     }
+    r->region_count = present_count, r->undefined = undefined;
     r->base = base;
     for (size_t k = 0; k < r->region_count && base >= 0 && !r->undefined; k++) {
         const teg_region *const region = r->regions + k;
         teg_region *const to = r->regions + kept;
         double g[3];
         const double size = teg_key_difference(r, region->region / s->parts, base / s->parts, g), lowest = teg_lowest(r, g);
-        const int hidden = (region->region == base) | (lowest > TEG_ON_LINE * (fabs(g[1]) + fabs(g[2])) + TEG_KEY_ROUNDING * size);
+        const double tolerance = TEG_ON_LINE * (fabs(g[1]) + fabs(g[2])) + TEG_KEY_ROUNDING * size;
+        const int hidden = (region->region == base) | (lowest > tolerance);
+        to->front = teg_highest(r, g) < -2.0 * tolerance;
         to->middle = region->middle, to->region = region->region, to->cuts = region->cuts;
         kept += (size_t)!hidden;
     }
@@ -127,7 +130,7 @@ static int64_t teg_beyond(teg_arrangement *r, int64_t owner, int64_t partner, co
 {
     const int parts = TEG_SHAPE(r->shape)->parts;
     const double length = sqrt(edge[2] * edge[2] + edge[3] * edge[3]);
-    const teg_region base = {0.0, r->base, 0, 0, 0};
+    const teg_region base = {0.0, r->base, 0, 0, 0, 0};
     double steepest = 0.0, own[3];
     int64_t nearest = -1;
     if (length <= TEG_ON_LINE) return -1;
@@ -186,6 +189,9 @@ static void teg_arrange(teg_arrangement *r, int known)
 {
     const double x[4] = {r->u[0], r->u[1], r->u[1], r->u[0]}, y[4] = {r->v[0], r->v[0], r->v[1], r->v[1]};
     static const int label[4] = {4, 2, 6, 0};
+    static const teg_line sides[4] = {{0, 1, 0, 1, -1, -1, 0, 0, 0, -1, 0}, {1, -1, 0, 1, -1, -1, 0, 0, 0, -1, 0},
+        {0, 0, 1, 1, -1, -1, 0, 0, 0, -1, 0}, {1, 0, -1, 1, -1, -1, 0, 0, 0, -1, 0}};
+    memcpy(r->lines, sides, sizeof sides);
     for (int i = 0; i < 4; i++) r->x[i] = x[i], r->y[i] = y[i], r->label[i] = label[i];
     teg_close_piece(4, r->x, r->y, r->label);
     teg_new_cell(r, r->base, 0, 4);
