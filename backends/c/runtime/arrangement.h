@@ -206,9 +206,7 @@ static void teg_new_cell(teg_arrangement *r, int64_t owner, int line, int n)
 static inline void teg_cell_of(teg_arrangement *r, const teg_piece *piece, int64_t owner)
 {
     if (!teg_room_in_pool(r, TEG_PIECE)) return;
-    memcpy(r->x + r->used, piece->x, sizeof piece->x);
-    memcpy(r->y + r->used, piece->y, sizeof piece->y);
-    memcpy(r->label + r->used, piece->label, sizeof piece->label);
+    teg_copy_corners(piece->x, piece->y, piece->label, r->x + r->used, r->y + r->used, r->label + r->used);
     teg_new_cell(r, owner, 0, piece->n);
 }
 

@@ -82,9 +82,7 @@ static int teg_clip_piece(teg_arrangement *r, size_t number, const teg_region *r
     if (!cut) return 1;
     teg_hang(r, number, cells);
     r->cells[number].n = n;
-    memcpy(r->x + at, x, TEG_PIECE * sizeof *x);
-    memcpy(r->y + at, y, TEG_PIECE * sizeof *y);
-    memcpy(r->label + at, label, TEG_PIECE * sizeof *label);
+    teg_copy_corners(x, y, label, r->x + at, r->y + at, r->label + at);
     return 1;
 }
 

@@ -100,7 +100,7 @@ static int teg_is_opposite(const teg_line *h, const teg_line *g, const teg_piece
 static int teg_one_part(const teg_arrangement *r, const teg_region *region, teg_piece *piece)
 {
     int cut = 0;
-    *piece = teg_square;
+    teg_copy_piece(&teg_square, piece);
     for (int line = region->first; line < region->end; line++) {
         const int state = teg_trim(piece, r->lines[line].c, r->lines[line].a, r->lines[line].b, 2 * line);
         if (state > TEG_PART) return 0;

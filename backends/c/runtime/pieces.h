@@ -25,6 +25,28 @@ typedef struct {
 /* The unit square. */
 static const teg_piece teg_square = {{0.0, 1.0, 1.0}, {0.0, 0.0, 1.0, 1.0}, {4, 2, 6, 0}, 4};
 
+//: teg_copy_corners
+/* Copy corners and labels of a piece. They are read side by side soon, which takes long after they were written in parts. */
+static inline void teg_copy_corners(const double *x, const double *y, const int *label, double *u, double *v, int *l)
+{
+#if TEG_WIDE == 8
+    _mm512_storeu_pd(u, _mm512_loadu_pd(x));
+    _mm512_storeu_pd(v, _mm512_loadu_pd(y));
+    _mm256_storeu_si256((void *)l, _mm256_loadu_si256((const void *)label));
+#else
+    memcpy(u, x, TEG_PIECE * sizeof *x);
+    memcpy(v, y, TEG_PIECE * sizeof *y);
+    memcpy(l, label, TEG_PIECE * sizeof *label);
+#endif
+}
+
+//: teg_copy_piece
+static inline void teg_copy_piece(const teg_piece *piece, teg_piece *to)
+{
+    teg_copy_corners(piece->x, piece->y, piece->label, to->x, to->y, to->label);
+    to->n = piece->n;
+}
+
 //: teg_lowest_bit
 /* The place of the lowest bit of a number that is not 0. */
 static inline int teg_lowest_bit(unsigned bits)

@@ -187,13 +187,12 @@ static void teg_assign_key_edges(teg_arrangement *r)
 /* Cut the tile into cells. Those of the base may be left out if its polynomials are known (see `teg_values`). */
 static void teg_arrange(teg_arrangement *r, int known)
 {
-    const double x[4] = {r->u[0], r->u[1], r->u[1], r->u[0]}, y[4] = {r->v[0], r->v[0], r->v[1], r->v[1]};
-    static const int label[4] = {4, 2, 6, 0};
     static const teg_line sides[4] = {{0, 1, 0, 1, -1, -1, 0, 0, 0, -1, 0}, {1, -1, 0, 1, -1, -1, 0, 0, 0, -1, 0},
         {0, 0, 1, 1, -1, -1, 0, 0, 0, -1, 0}, {1, 0, -1, 1, -1, -1, 0, 0, 0, -1, 0}};
     memcpy(r->lines, sides, sizeof sides);
-    for (int i = 0; i < 4; i++) r->x[i] = x[i], r->y[i] = y[i], r->label[i] = label[i];
-    teg_close_piece(4, r->x, r->y, r->label);
+    teg_copy_corners(teg_square.x, teg_square.y, teg_square.label, r->x, r->y, r->label);
+    if (r->u[0] != 0.0 || r->v[0] != 0.0 || r->u[1] != 1.0 || r->v[1] != 1.0)
+        for (int i = 0; i < TEG_PIECE; i++) r->x[i] = r->u[r->x[i] > 0.0], r->y[i] = r->v[r->y[i] > 0.0];
     teg_new_cell(r, r->base, 0, 4);
     r->cells[0].sides[0] = ~0, r->cells[0].up = 0;
     r->tied = 0;
