@@ -320,9 +320,8 @@ static void teg_tile(teg_arrangement *r, const int64_t *list, int64_t regions, i
 /* Whether the first candidate covers the unit square with a margin. */
 static inline int teg_covers(const teg_shape *s, const double *rows)
 {
-    static const double square[2] = {0.0, 1.0};
     const double *const key = rows + teg_forms(s) - 3;
-    const teg_signs signs = teg_signs_of(rows, s->guards, square, square, 0.0, 0.0);
+    const teg_signs signs = teg_signs_on_square(rows, s->guards);
     const int known = (fabs(key[0]) < INFINITY) & (fabs(key[1]) < INFINITY) & (fabs(key[2]) < INFINITY);
     return (s->parts == 1) & known & !(signs.cuts | signs.absent | signs.infinite);
 }

@@ -182,7 +182,7 @@ TEG_APART int teg_keep_several(teg_kept *kept, const teg_shape *shape, int64_t n
     for (int64_t k = 0; k <= n; k++) seen[k] = 0;
     teg_begin(&kept->room, s, n, rows);
     kept->state = TEG_CELLS, kept->known = 1, kept->tables = NULL;
-    teg_select(r, NULL, n * s->parts);
+    teg_select_on_square(r, n * s->parts);
     if (!r->undefined && !r->failed) {
         if (teg_is_tiled(r, 0, r->region_count)) teg_keep_tables(kept, otherwise, values, moments, seen);
         else if (teg_two_parts(kept, otherwise)) teg_values(r, kept->other, 1, otherwise, values, moments, seen);
