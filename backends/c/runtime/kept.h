@@ -293,7 +293,8 @@ static void teg_around_edge(const teg_arrangement *r, const teg_cell *cell, int 
 }
 
 //: teg_around_piece
-/* The same for all edges of a piece, which are computed side by side. Returns 0 where that is not to be had. */
+/* The same for all edges of a piece, which are computed side by side. Returns 0 where that is not to be had. An edge has the direction (b, -a)
+   of its line where the form is >= 0 on its left, so no root is needed. */
 static inline int teg_around_piece(const teg_arrangement *r, const teg_cell *cell, const double *f, double *table, unsigned char *seen)
 {
 #if TEG_WIDE == 8
@@ -302,9 +303,8 @@ static inline int teg_around_piece(const teg_arrangement *r, const teg_cell *cel
     const int *const label = r->label + cell->at;
     const __m512d x = _mm512_loadu_pd(r->x + cell->at), y = _mm512_loadu_pd(r->y + cell->at);
     const __m512d dx = _mm512_permutexvar_pd(behind, x) - x, dy = _mm512_permutexvar_pd(behind, y) - y;
-    const __m512d length = _mm512_sqrt_pd(dx * dx + dy * dy);
     __m512d sums[3] = {_mm512_setzero_pd(), _mm512_setzero_pd(), _mm512_setzero_pd()}, at[TEG_MONOMIALS];
-    double all[3][TEG_PIECE];
+    double all[5][TEG_PIECE];
     for (int point = 0; point < s->points; point++) {
         const __m512d t = _mm512_set1_pd(s->gauss[2 * point]), px = x + t * dx, py = y + t * dy;
         __m512d value = _mm512_set1_pd(f[0]);
@@ -314,15 +314,18 @@ static inline int teg_around_piece(const teg_arrangement *r, const teg_cell *cel
                 at[k] = j < total ? at[before + j] * px : at[before + j - 1] * py;
                 value += _mm512_set1_pd(f[k]) * at[k];
             }
-        value *= length * _mm512_set1_pd(s->gauss[2 * point + 1]);
+        value *= _mm512_set1_pd(s->gauss[2 * point + 1]);
         sums[0] += value, sums[1] += value * px, sums[2] += value * py;
     }
     for (int k = 0; k < 3; k++) _mm512_storeu_pd(all[k], sums[k]);
+    _mm512_storeu_pd(all[3], dx);
+    _mm512_storeu_pd(all[4], dy);
     for (unsigned own = _mm256_cmp_epi32_mask(_mm256_loadu_si256((const void *)label), _mm256_set1_epi32(8), _MM_CMPINT_NLT); own; own &= own - 1) {
         const int i = teg_lowest_bit(own);
         const teg_line *const line = r->lines + (label[i] >> 1);
         if (line->twin < 0) {
-            const double scale = (label[i] & 1 ? -1.0 : 1.0) / line->size, own_sums[3] = {scale * all[0][i], scale * all[1][i], scale * all[2][i]};
+            const double scale = (all[3][i] * line->b - all[4][i] * line->a) / line->size; /* the length, with the sign of the side */
+            const double own_sums[3] = {scale * all[0][i], scale * all[1][i], scale * all[2][i]};
             teg_give(r, line, own_sums, table, seen);
         } else
             teg_around_edge(r, cell, i, f, table, seen);
