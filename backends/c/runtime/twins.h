@@ -30,12 +30,16 @@ static int teg_may_have_twins(const teg_arrangement *r)
     size_t count = r->line_count;
     int found = count > TEG_FEW;
     while (count > 4 && r->lines[count - 1].minus >= 0) count--; /* those of keys are last */
-    for (size_t i = 4; i < count && !found; i++)
-        for (size_t j = (size_t)r->lines[i].end; j < count; j++) { /* those of the regions behind this one's */
-            const teg_line *const g = r->lines + i, *const h = r->lines + j;
+    for (size_t i = 4; i < count && !found; i++) {
+        const teg_line *const g = r->lines + i;
+        int near = 0;
+        for (size_t j = (size_t)g->end; j < count; j++) near |= fabs(fabs(g->c) - fabs(r->lines[j].c)) < 2.0 * TEG_SAME;
+        for (size_t j = (size_t)g->end; j < count && near; j++) { /* those of the regions behind this one's */
+            const teg_line *const h = r->lines + j;
             const double across = g->a * h->b - g->b * h->a, along = g->a * h->a + g->b * h->b;
             found |= (fabs(across) < 8.0 / TEG_ANGLES) & (fabs(along < 0.0 ? g->c + h->c : g->c - h->c) < 2.0 * TEG_SAME);
         }
+    }
     return found;
 }
 
