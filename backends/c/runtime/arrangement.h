@@ -215,7 +215,8 @@ static inline void teg_cell_of(teg_arrangement *r, const teg_piece *piece, int64
 static inline void teg_form(const teg_arrangement *r, int64_t candidate, int column, double *g)
 {
     const double *const f = r->rows + candidate * teg_row(TEG_SHAPE(r->shape)) + column;
-    g[0] = f[0] + f[1] * r->su + f[2] * r->sv, g[1] = f[1], g[2] = f[2];
+    g[0] = f[0], g[1] = f[1], g[2] = f[2];
+    if (r->su != 0.0) g[0] = f[0] + f[1] * r->su + f[2] * r->sv; /* most squares are not moved: nothing waits for products by 0 */
 }
 
 //: teg_key_form
