@@ -198,8 +198,8 @@ class StepPrinter(CellPrinter):
         return self._with_list(step, [*self._new_table(name, spelled(step.hi), width), head, *indent(*inside), "}"])
 
     def _with_list(self, step: Loop, lines: list[str]) -> list[str]:
-        """Returns lines before which it is found which rows are listed, if only these are iterations; once for all loops of the function over
-        the same rows. They are freed at its end."""
+        """Returns lines in front of which it is found which rows are listed, if only these are iterations: once for all loops over the same
+        rows."""
         if step.listed < 0:
             return lines
         name = f"{step.index}_listed"
