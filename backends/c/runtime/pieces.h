@@ -216,7 +216,8 @@ TEG_INLINE teg_signs teg_signs_of_four(const double *f, int count, const double 
     for (int q = 0; q < count; q++) {
         const double a = f[3 * q + 1], b = f[3 * q + 2], c = whole ? f[3 * q] : f[3 * q] + a * su + b * sv;
         const double square = a * a + b * b, margin = TEG_ON_LINE * TEG_ON_LINE * square;
-        const double left = whole ? 0.0 : a * u[0], right = whole ? a : a * u[1], bottom = whole ? 0.0 : b * v[0], top = whole ? b : b * v[1];
+        const double left = whole ? 0.0 : a * u[0], right = whole ? a : a * u[1];
+        const double bottom = whole ? 0.0 : b * v[0], top = whole ? b : b * v[1];
         const double highest = c + (left > right ? left : right) + (bottom > top ? bottom : top);
         const double lowest = c + (left < right ? left : right) + (bottom < top ? bottom : top);
         signs.absent |= (unsigned)((highest < 0.0) & (highest * highest > margin)) << q;

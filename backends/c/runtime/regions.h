@@ -66,8 +66,9 @@ TEG_INLINE void teg_find_present(teg_arrangement *r, const int64_t *list, int64_
     int undefined = 0;
     for (int64_t k = 0; k < regions; k++) {
         const int64_t number = list ? list[k] : k, candidate = number / s->parts;
-        const double *const f = rows + candidate * width + 3 * (int)(number % s->parts) * s->guards, *const key = rows + candidate * width + teg_forms(s) - 3;
-        const teg_signs signs = teg_signs_of_all(f, s->guards, u, v, r->su, r->sv, whole);
+        const double *const row = rows + candidate * width, *const key = row + teg_forms(s) - 3;
+        const double *const guards = row + 3 * (int)(number % s->parts) * s->guards;
+        const teg_signs signs = teg_signs_of_all(guards, s->guards, u, v, r->su, r->sv, whole);
         double g[3] = {key[0], key[1], key[2]}, highest, middle;
         int present = !signs.absent, better;
         teg_region *region;
