@@ -40,6 +40,7 @@ class CellPrinter(ABC):
     def __init__(self, program: ArrayProgram) -> None:
         self.sources: dict[str, Source] = {}  # by the names of tables
         self.widths: dict[str, int] = {}  # the columns of tables of rows
+        self.lists: dict[tuple[int, str], str] = {}  # which rows are listed, by the list and their number
         self.shapes: dict[str, str] = {}  # the rules of the shapes of cells, by name
         body = list(steps(program.body))
         self._read = {s.table for s in body if isinstance(s, Take)}

@@ -222,7 +222,7 @@ class _ArrayPrinter(IterationPrinter):
         for j, o in enumerate(program.outputs):
             if not isinstance(o, Like):
                 lines.append(f"out[{j}][e] = {spelled(o)};")
-        lines += [f"free({name});" for name in self.widths]
+        lines += [f"free({name});" for name in (*self.widths, *self.lists.values())]
         lines += ["free(w);"] if self.space > ON_STACK else []
         used = " ".join(f"(void)p{i};" for i in range(len(program.parameters)))
         used += " ".join(f" (void)a{i}, (void)s{i};" for i in range(len(program.arrays)))

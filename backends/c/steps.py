@@ -198,16 +198,20 @@ class StepPrinter(CellPrinter):
         return self._with_list(step, [*self._new_table(name, spelled(step.hi), width), head, *indent(*inside), "}"])
 
     def _with_list(self, step: Loop, lines: list[str]) -> list[str]:
-        """Returns lines around which it is known which rows are listed, if only these are iterations."""
+        """Returns lines in front of which it is found which rows are listed, if only these are iterations: once for all loops over the same
+        rows."""
         if step.listed < 0:
             return lines
         name = f"{step.index}_listed"
+        rows = step.listed, spelled(step.hi)
+        if rows in self.lists:
+            return [f"const unsigned char *const {name} = {self.lists[rows]};", *lines]
+        self.lists[rows] = name
         count = " * ".join(f"s{step.listed}[{axis}]" for axis in range(self.program.arrays[step.listed].dimensions))
         return [
             f"unsigned char *const {name} = teg_listed(a{step.listed}, {count}, {spelled(step.hi)});",
             f"if (!{name}) note |= {NO_MEMORY};",
             *lines,
-            f"free({name});",
         ]
 
     def _added_to_table(self, step: AddTo, block: Sequence[Step]) -> list[str]:

@@ -335,7 +335,7 @@ MUTANTS: tuple[Mutant, ...] = (
     *mutants(
         "backends/c/runtime/calls.h",
         ("tests/passes/normalise/test_tables.py", "tests/backends/c/test_queues.py"),
-        ("rows that are listed", "if (entries[k] >= 0 && entries[k] < rows) listed[entries[k]] = 1;", "listed[0] = 1;"),
+        ("rows that are listed", "if ((uint64_t)entries[k] < (uint64_t)rows) listed[entries[k]] = 1;", "listed[0] = 1;"),
         ("copies are cleared", "into[i] += copy[i], copy[i] = 0.0;", "into[i] += copy[i];"),
         ("marks of the second copy", "copy += size, marks += blocks;", "copy += size;"),
     ),

@@ -73,12 +73,13 @@ typedef struct {
 
 //: teg_region
 /* A part of a candidate that is inserted: its key in the middle, which guards have lines that cut the tile, as bits, and these lines, the
-   first and one behind the last. */
+   first and one behind the last; `front`: whether it is nearer than the base on all of the tile, with a margin, or there is no base. */
 typedef struct {
     double middle;
     int64_t region;
     int first, end;
     unsigned cuts;
+    int front;
 } teg_region;
 
 //: teg_arrangement
@@ -205,9 +206,7 @@ static void teg_new_cell(teg_arrangement *r, int64_t owner, int line, int n)
 static inline void teg_cell_of(teg_arrangement *r, const teg_piece *piece, int64_t owner)
 {
     if (!teg_room_in_pool(r, TEG_PIECE)) return;
-    memcpy(r->x + r->used, piece->x, sizeof piece->x);
-    memcpy(r->y + r->used, piece->y, sizeof piece->y);
-    memcpy(r->label + r->used, piece->label, sizeof piece->label);
+    teg_copy_corners(piece->x, piece->y, piece->label, r->x + r->used, r->y + r->used, r->label + r->used);
     teg_new_cell(r, owner, 0, piece->n);
 }
 
@@ -216,7 +215,8 @@ static inline void teg_cell_of(teg_arrangement *r, const teg_piece *piece, int64
 static inline void teg_form(const teg_arrangement *r, int64_t candidate, int column, double *g)
 {
     const double *const f = r->rows + candidate * teg_row(TEG_SHAPE(r->shape)) + column;
-    g[0] = f[0] + f[1] * r->su + f[2] * r->sv, g[1] = f[1], g[2] = f[2];
+    g[0] = f[0], g[1] = f[1], g[2] = f[2];
+    if (r->su != 0.0) g[0] = f[0] + f[1] * r->su + f[2] * r->sv; /* most squares are not moved: nothing waits for products by 0 */
 }
 
 //: teg_key_form

@@ -16,7 +16,7 @@ static unsigned char *teg_listed(const int64_t *entries, int64_t count, int64_t 
 {
     unsigned char *const listed = calloc((size_t)rows + 1, 1);
     for (int64_t k = 0; listed && k < count; k++)
-        if (entries[k] >= 0 && entries[k] < rows) listed[entries[k]] = 1;
+        if ((uint64_t)entries[k] < (uint64_t)rows) listed[entries[k]] = 1;
     return listed;
 }
 

@@ -321,13 +321,9 @@ static void teg_tile(teg_arrangement *r, const int64_t *list, int64_t regions, i
 static inline int teg_covers(const teg_shape *s, const double *rows)
 {
     const double *const key = rows + teg_forms(s) - 3;
-    int covers = s->parts == 1 && isfinite(key[0]) && isfinite(key[1]) && isfinite(key[2]);
-    for (int q = 0; q < s->guards; q++) {
-        const double *const g = rows + 3 * q, square = g[1] * g[1] + g[2] * g[2];
-        const double lowest = g[0] + (g[1] < 0.0 ? g[1] : 0.0) + (g[2] < 0.0 ? g[2] : 0.0);
-        covers &= lowest > 0.0 && lowest * lowest > TEG_ON_LINE * TEG_ON_LINE * square && isfinite(g[0]) && isfinite(square);
-    }
-    return covers;
+    const teg_signs signs = teg_signs_on_square(rows, s->guards);
+    const int known = (fabs(key[0]) < INFINITY) & (fabs(key[1]) < INFINITY) & (fabs(key[2]) < INFINITY);
+    return (s->parts == 1) & known & !(signs.cuts | signs.absent | signs.infinite);
 }
 
 //: teg_one_owner
@@ -371,7 +367,12 @@ typedef struct {
 static void teg_begin(teg_room *w, const teg_shape *shape, int64_t n, const double *rows)
 {
     teg_arrangement *const r = &w->r;
-    memset(r, 0, sizeof *r);
+    r->su = r->sv = r->nudge = r->u[0] = r->v[0] = 0.0;
+    r->touching = r->concurrent = r->guarded = r->undefined = r->failed = r->tied = r->ambiguous = r->alone = r->last = 0;
+    r->base = -1, r->cell_count = r->line_count = r->region_count = r->used = 0;
+    r->bound_room = r->pending_room = r->twin_count = r->twin_room = 0, r->bounds = 0;
+    r->bound = NULL, r->twins = NULL, r->pending = NULL;
+    r->own_cells = r->own_lines = r->own_regions = r->own_pool = r->own_scratch = 0;
     r->shape = shape, r->rows = rows, r->n = n;
     r->cells = w->cells, r->cell_room = 16, r->lines = w->lines, r->line_room = 48, r->regions = w->regions, r->region_room = 32;
     r->x = w->x, r->y = w->y, r->label = w->label, r->pool_room = 128;
@@ -383,9 +384,9 @@ static void teg_begin(teg_room *w, const teg_shape *shape, int64_t n, const doub
 /* Give back what has moved to the heap. */
 static void teg_end(teg_arrangement *r)
 {
-    free(r->bound);
-    free(r->pending);
-    free(r->twins);
+    if (r->bound_room) free(r->bound);
+    if (r->pending_room) free(r->pending);
+    if (r->twin_room) free(r->twins);
     if (r->own_cells) free(r->cells);
     if (r->own_lines) free(r->lines);
     if (r->own_regions) free(r->regions);

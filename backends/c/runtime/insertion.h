@@ -82,9 +82,7 @@ static int teg_clip_piece(teg_arrangement *r, size_t number, const teg_region *r
     if (!cut) return 1;
     teg_hang(r, number, cells);
     r->cells[number].n = n;
-    memcpy(r->x + at, x, TEG_PIECE * sizeof *x);
-    memcpy(r->y + at, y, TEG_PIECE * sizeof *y);
-    memcpy(r->label + at, label, TEG_PIECE * sizeof *label);
+    teg_copy_corners(x, y, label, r->x + at, r->y + at, r->label + at);
     return 1;
 }
 
@@ -218,7 +216,7 @@ static void teg_insert_in_cell(teg_arrangement *r, const teg_region *region, siz
     const size_t at = r->cells[k].at;
     const int n = r->cells[k].n, parts = TEG_SHAPE(r->shape)->parts;
     int extra = -1;
-    if (owner >= 0) {
+    if (owner >= 0 && !(region->front && owner == r->base)) {
         double g[3], tolerance;
         int above = 0, below = 0, equal = 0;
         if (owner / parts == region->region / parts) return;

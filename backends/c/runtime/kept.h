@@ -95,24 +95,12 @@ static int teg_is_opposite(const teg_line *h, const teg_line *g, const teg_piece
     return (near & (near - 1)) && teg_below_level(d, TEG_ON_LINE) == (1u << TEG_PIECE) - 1;
 }
 
-//: teg_in_front
-/* Whether a region is nearer than the base on all of the square, with a margin, or there is no base. */
-static int teg_in_front(const teg_arrangement *r, const teg_region *region)
-{
-    const int parts = TEG_SHAPE(r->shape)->parts;
-    double key[3], size;
-    if (r->base < 0) return 1;
-    if (r->base / parts == region->region / parts) return 0;
-    size = teg_key_difference(r, r->base / parts, region->region / parts, key);
-    return teg_lowest(r, key) > 2.0 * teg_key_tolerance(key, size);
-}
-
 //: teg_one_part
 /* The part of the square on a region. Returns 0 where nothing is cut off, nothing is left, or a corner lies on a line. */
 static int teg_one_part(const teg_arrangement *r, const teg_region *region, teg_piece *piece)
 {
     int cut = 0;
-    *piece = teg_square;
+    teg_copy_piece(&teg_square, piece);
     for (int line = region->first; line < region->end; line++) {
         const int state = teg_trim(piece, r->lines[line].c, r->lines[line].a, r->lines[line].b, 2 * line);
         if (state > TEG_PART) return 0;
@@ -136,7 +124,7 @@ static int teg_two_parts(teg_kept *kept, const double *otherwise)
     teg_sort_regions(r->regions, r->region_count);
     kept->other = two ? r->regions[1].region : r->base;
     if (two && kept->other / s->parts == first->region / s->parts) return 0;
-    if (!teg_in_front(r, first) || !teg_is_known(s, teg_polynomials(r, kept->other, otherwise))) return 0;
+    if (!first->front || !teg_is_known(s, teg_polynomials(r, kept->other, otherwise))) return 0;
     if (!teg_one_part(r, first, &piece)) return 0;
     if (two && !teg_is_opposite(r->lines + r->regions[1].first, r->lines + first->first, &piece)) return 0;
     teg_cell_of(r, &piece, first->region);
@@ -194,7 +182,7 @@ TEG_APART int teg_keep_several(teg_kept *kept, const teg_shape *shape, int64_t n
     for (int64_t k = 0; k <= n; k++) seen[k] = 0;
     teg_begin(&kept->room, s, n, rows);
     kept->state = TEG_CELLS, kept->known = 1, kept->tables = NULL;
-    teg_select(r, NULL, n * s->parts);
+    teg_select_on_square(r, n * s->parts);
     if (!r->undefined && !r->failed) {
         if (teg_is_tiled(r, 0, r->region_count)) teg_keep_tables(kept, otherwise, values, moments, seen);
         else if (teg_two_parts(kept, otherwise)) teg_values(r, kept->other, 1, otherwise, values, moments, seen);
@@ -305,7 +293,8 @@ static void teg_around_edge(const teg_arrangement *r, const teg_cell *cell, int 
 }
 
 //: teg_around_piece
-/* The same for all edges of a piece, which are computed side by side. Returns 0 where that is not to be had. */
+/* The same for all edges of a piece, which are computed side by side. Returns 0 where that is not to be had. An edge has the direction (b, -a)
+   of its line where the form is >= 0 on its left, so no root is needed. */
 static inline int teg_around_piece(const teg_arrangement *r, const teg_cell *cell, const double *f, double *table, unsigned char *seen)
 {
 #if TEG_WIDE == 8
@@ -314,9 +303,8 @@ static inline int teg_around_piece(const teg_arrangement *r, const teg_cell *cel
     const int *const label = r->label + cell->at;
     const __m512d x = _mm512_loadu_pd(r->x + cell->at), y = _mm512_loadu_pd(r->y + cell->at);
     const __m512d dx = _mm512_permutexvar_pd(behind, x) - x, dy = _mm512_permutexvar_pd(behind, y) - y;
-    const __m512d length = _mm512_sqrt_pd(dx * dx + dy * dy);
     __m512d sums[3] = {_mm512_setzero_pd(), _mm512_setzero_pd(), _mm512_setzero_pd()}, at[TEG_MONOMIALS];
-    double all[3][TEG_PIECE];
+    double all[5][TEG_PIECE];
     for (int point = 0; point < s->points; point++) {
         const __m512d t = _mm512_set1_pd(s->gauss[2 * point]), px = x + t * dx, py = y + t * dy;
         __m512d value = _mm512_set1_pd(f[0]);
@@ -326,15 +314,18 @@ static inline int teg_around_piece(const teg_arrangement *r, const teg_cell *cel
                 at[k] = j < total ? at[before + j] * px : at[before + j - 1] * py;
                 value += _mm512_set1_pd(f[k]) * at[k];
             }
-        value *= length * _mm512_set1_pd(s->gauss[2 * point + 1]);
+        value *= _mm512_set1_pd(s->gauss[2 * point + 1]);
         sums[0] += value, sums[1] += value * px, sums[2] += value * py;
     }
     for (int k = 0; k < 3; k++) _mm512_storeu_pd(all[k], sums[k]);
+    _mm512_storeu_pd(all[3], dx);
+    _mm512_storeu_pd(all[4], dy);
     for (unsigned own = _mm256_cmp_epi32_mask(_mm256_loadu_si256((const void *)label), _mm256_set1_epi32(8), _MM_CMPINT_NLT); own; own &= own - 1) {
         const int i = teg_lowest_bit(own);
         const teg_line *const line = r->lines + (label[i] >> 1);
         if (line->twin < 0) {
-            const double scale = (label[i] & 1 ? -1.0 : 1.0) / line->size, own_sums[3] = {scale * all[0][i], scale * all[1][i], scale * all[2][i]};
+            const double scale = (all[3][i] * line->b - all[4][i] * line->a) / line->size; /* the length, with the sign of the side */
+            const double own_sums[3] = {scale * all[0][i], scale * all[1][i], scale * all[2][i]};
             teg_give(r, line, own_sums, table, seen);
         } else
             teg_around_edge(r, cell, i, f, table, seen);
@@ -364,8 +355,11 @@ TEG_APART int teg_pull_cells(teg_kept *kept, const double *otherwise, const doub
     const int forms = teg_forms(s), count = teg_coefficients(s);
     const int64_t other = kept->state == TEG_TWO_PARTS ? kept->other : r->base;
     const double *const base = teg_polynomials(r, other, otherwise);
-    for (int64_t k = 0; k < (r->n + 1) * forms; k++) table[k] = kept->state == TEG_UNDEFINED ? NAN : 0.0;
-    if (kept->state == TEG_UNDEFINED) return 0;
+    if (kept->state == TEG_UNDEFINED) {
+        for (int64_t k = 0; k < (r->n + 1) * forms; k++) table[k] = NAN;
+        return 0;
+    }
+    memset(table, 0, (size_t)((r->n + 1) * forms) * sizeof *table);
     if (r->failed) return 1;
     if (kept->state == TEG_TABLES) {
         for (int body = 0; body < s->bodies; body++)

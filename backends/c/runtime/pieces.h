@@ -25,6 +25,28 @@ typedef struct {
 /* The unit square. */
 static const teg_piece teg_square = {{0.0, 1.0, 1.0}, {0.0, 0.0, 1.0, 1.0}, {4, 2, 6, 0}, 4};
 
+//: teg_copy_corners
+/* Copy corners and labels of a piece. They are read side by side soon, which takes long after they were written in parts. */
+static inline void teg_copy_corners(const double *x, const double *y, const int *label, double *u, double *v, int *l)
+{
+#if TEG_WIDE == 8
+    _mm512_storeu_pd(u, _mm512_loadu_pd(x));
+    _mm512_storeu_pd(v, _mm512_loadu_pd(y));
+    _mm256_storeu_si256((void *)l, _mm256_loadu_si256((const void *)label));
+#else
+    memcpy(u, x, TEG_PIECE * sizeof *x);
+    memcpy(v, y, TEG_PIECE * sizeof *y);
+    memcpy(l, label, TEG_PIECE * sizeof *label);
+#endif
+}
+
+//: teg_copy_piece
+static inline void teg_copy_piece(const teg_piece *piece, teg_piece *to)
+{
+    teg_copy_corners(piece->x, piece->y, piece->label, to->x, to->y, to->label);
+    to->n = piece->n;
+}
+
 //: teg_lowest_bit
 /* The place of the lowest bit of a number that is not 0. */
 static inline int teg_lowest_bit(unsigned bits)
@@ -164,9 +186,9 @@ typedef struct {
 } teg_signs;
 
 //: teg_signs_of_four
-/* The signs of at most four guards f on the tile from (u[0], v[0]) to (u[1], v[1]), moved by (su, sv). Which of them cut is at random: there
-   are no branches. Numbers are read one by one, as they were written just before. */
-static inline teg_signs teg_signs_of_four(const double *f, int count, const double *u, const double *v, double su, double sv)
+/* The signs of at most four guards f on the tile from (u[0], v[0]) to (u[1], v[1]), moved by (su, sv), which is the unit square if `whole` is
+   not 0. Which of them cut is at random: there are no branches. Numbers are read one by one, as they were written just before. */
+TEG_INLINE teg_signs teg_signs_of_four(const double *f, int count, const double *u, const double *v, double su, double sv, int whole)
 {
     teg_signs signs = {0, 0, 0};
 #if TEG_WIDE >= 4
@@ -174,10 +196,12 @@ static inline teg_signs teg_signs_of_four(const double *f, int count, const doub
     const __m256d g = _mm256_set_pd(count > 3 ? f[9] : 0.0, count > 2 ? f[6] : 0.0, count > 1 ? f[3] : 0.0, f[0]);
     const __m256d a = _mm256_set_pd(count > 3 ? f[10] : 0.0, count > 2 ? f[7] : 0.0, count > 1 ? f[4] : 0.0, f[1]);
     const __m256d b = _mm256_set_pd(count > 3 ? f[11] : 0.0, count > 2 ? f[8] : 0.0, count > 1 ? f[5] : 0.0, f[2]);
-    const __m256d c = g + a * _mm256_set1_pd(su) + b * _mm256_set1_pd(sv), square = a * a + b * b;
+    __m256d c = g, left = zero, right = a, bottom = zero, top = b, square = a * a + b * b;
     const __m256d margin = _mm256_set1_pd(TEG_ON_LINE * TEG_ON_LINE) * square;
-    const __m256d left = a * _mm256_set1_pd(u[0]), right = a * _mm256_set1_pd(u[1]);
-    const __m256d bottom = b * _mm256_set1_pd(v[0]), top = b * _mm256_set1_pd(v[1]);
+    if (!whole) {
+        c = g + a * _mm256_set1_pd(su) + b * _mm256_set1_pd(sv);
+        left = a * _mm256_set1_pd(u[0]), right = a * _mm256_set1_pd(u[1]), bottom = b * _mm256_set1_pd(v[0]), top = b * _mm256_set1_pd(v[1]);
+    }
     const __m256d highest = c + _mm256_max_pd(left, right) + _mm256_max_pd(bottom, top);
     const __m256d lowest = c + _mm256_min_pd(left, right) + _mm256_min_pd(bottom, top);
     const unsigned valid = (1u << count) - 1;
@@ -190,9 +214,10 @@ static inline teg_signs teg_signs_of_four(const double *f, int count, const doub
     signs.infinite = ~(unsigned)_mm256_movemask_pd(_mm256_and_pd(finite, bounded)) & valid;
 #else
     for (int q = 0; q < count; q++) {
-        const double a = f[3 * q + 1], b = f[3 * q + 2], c = f[3 * q] + a * su + b * sv;
+        const double a = f[3 * q + 1], b = f[3 * q + 2], c = whole ? f[3 * q] : f[3 * q] + a * su + b * sv;
         const double square = a * a + b * b, margin = TEG_ON_LINE * TEG_ON_LINE * square;
-        const double left = a * u[0], right = a * u[1], bottom = b * v[0], top = b * v[1];
+        const double left = whole ? 0.0 : a * u[0], right = whole ? a : a * u[1];
+        const double bottom = whole ? 0.0 : b * v[0], top = whole ? b : b * v[1];
         const double highest = c + (left > right ? left : right) + (bottom > top ? bottom : top);
         const double lowest = c + (left < right ? left : right) + (bottom < top ? bottom : top);
         signs.absent |= (unsigned)((highest < 0.0) & (highest * highest > margin)) << q;
@@ -203,14 +228,29 @@ static inline teg_signs teg_signs_of_four(const double *f, int count, const doub
     return signs;
 }
 
-//: teg_signs_of
+//: teg_signs_of_all
 /* The signs of all guards. */
-static inline teg_signs teg_signs_of(const double *f, int count, const double *u, const double *v, double su, double sv)
+TEG_INLINE teg_signs teg_signs_of_all(const double *f, int count, const double *u, const double *v, double su, double sv, int whole)
 {
     teg_signs signs = {0, 0, 0};
     for (int q = 0; q < count; q += 4) {
-        const teg_signs few = teg_signs_of_four(f + 3 * q, count - q < 4 ? count - q : 4, u, v, su, sv);
+        const teg_signs few = teg_signs_of_four(f + 3 * q, count - q < 4 ? count - q : 4, u, v, su, sv, whole);
         signs.cuts |= few.cuts << q, signs.absent |= few.absent << q, signs.infinite |= few.infinite << q;
     }
     return signs;
+}
+
+//: teg_signs_of
+/* The signs of all guards on a tile. */
+static inline teg_signs teg_signs_of(const double *f, int count, const double *u, const double *v, double su, double sv)
+{
+    return teg_signs_of_all(f, count, u, v, su, sv, 0);
+}
+
+//: teg_signs_on_square
+/* The signs of all guards on the unit square. */
+static inline teg_signs teg_signs_on_square(const double *f, int count)
+{
+    static const double square[2] = {0.0, 1.0};
+    return teg_signs_of_all(f, count, square, square, 0.0, 0.0, 1);
 }

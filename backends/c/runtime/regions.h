@@ -1,25 +1,12 @@
 /* Which candidates may be seen in a tile, in their order, and the cells of a tile; edges that other pairs of candidates have. */
 
-//: teg_present
-/* Whether a region may be in the tile; if so its guards with cutting lines are noted. */
-static inline int teg_present(teg_arrangement *r, teg_region *region)
-{
-    const teg_shape *const s = TEG_SHAPE(r->shape);
-    const double *const f = r->rows + region->region / s->parts * teg_row(s) + 3 * (int)(region->region % s->parts) * s->guards;
-    const teg_signs signs = teg_signs_of(f, s->guards, r->u, r->v, r->su, r->sv);
-    region->cuts = signs.cuts;
-    r->undefined |= !signs.absent & (signs.infinite != 0);
-    return !signs.absent;
-}
-
 //: teg_draw
 /* Add the cutting lines of a region. */
 static void teg_draw(teg_arrangement *r, teg_region *region)
 {
     const teg_shape *const s = TEG_SHAPE(r->shape);
     const int64_t candidate = region->region / s->parts;
-    region->first = (int)r->line_count, region->end = region->first;
-    for (unsigned cuts = region->cuts; cuts; cuts &= cuts - 1) region->end++;
+    region->first = (int)r->line_count;
     for (unsigned cuts = region->cuts; cuts; cuts &= cuts - 1) {
         const int column = 3 * ((int)(region->region % s->parts) * s->guards + teg_lowest_bit(cuts));
         double g[3];
@@ -27,8 +14,10 @@ static void teg_draw(teg_arrangement *r, teg_region *region)
         teg_form(r, candidate, column, g);
         line = teg_add_line(r, g, sqrt(g[1] * g[1] + g[2] * g[2]), candidate, -1, column);
         if (r->failed) return;
-        r->lines[line].first = region->first, r->lines[line].end = region->end;
+        r->lines[line].first = region->first;
     }
+    region->end = (int)r->line_count;
+    for (int line = region->first; line < region->end; line++) r->lines[line].end = region->end;
 }
 
 //: teg_by_middle
@@ -52,54 +41,100 @@ static void teg_sort_regions(teg_region *regions, size_t count)
         }
 }
 
-//: teg_select
-/* Find the regions that may be seen in the tile, in their order, among those of a list (NULL: all); and the base, which covers it. */
-static void teg_select(teg_arrangement *r, const int64_t *list, int64_t regions)
+//: teg_room_for_region
+/* Make room for one more region behind so many. */
+static inline int teg_room_for_region(teg_arrangement *r, size_t count)
 {
-    static const teg_line sides[4] = {{0, 1, 0, 1, -1, -1, 0, 0, 0, -1, 0}, {1, -1, 0, 1, -1, -1, 0, 0, 0, -1, 0},
-        {0, 0, 1, 1, -1, -1, 0, 0, 0, -1, 0}, {1, 0, -1, 1, -1, -1, 0, 0, 0, -1, 0}};
+    if (count < r->region_room) return 1;
+    r->regions = teg_grown(r->regions, r->own_regions, count * sizeof *r->regions, 2 * count * sizeof *r->regions, &r->failed);
+    if (r->failed) return 0;
+    r->own_regions = 1, r->region_room = 2 * count;
+    return 1;
+}
+
+//: teg_find_present
+/* Find the regions of a list (NULL: all) that may be in the tile, which is the unit square, not moved, if `whole` is not 0; and the base, which
+   covers it with the least highest key. Nothing here is a branch, nor does a region wait for the one before it. */
+TEG_INLINE void teg_find_present(teg_arrangement *r, const int64_t *list, int64_t regions, int whole)
+{
     const teg_shape *const s = TEG_SHAPE(r->shape);
+    const int64_t width = teg_row(s);
+    const double u[2] = {r->u[0], r->u[1]}, v[2] = {r->v[0], r->v[1]}, *const rows = r->rows;
     int64_t base = -1;
     double nearest = INFINITY;
-    size_t kept = 0;
-    r->undefined = r->alone = 0;
-    r->cell_count = r->region_count = r->used = 0;
-    memcpy(r->lines, sides, sizeof sides);
-    r->line_count = 4;
-    for (int64_t k = 0; k < regions && !r->undefined && !r->failed; k++) {
+    size_t count = 0;
+    int undefined = 0;
+    for (int64_t k = 0; k < regions; k++) {
+        const int64_t number = list ? list[k] : k, candidate = number / s->parts;
+        const double *const row = rows + candidate * width, *const key = row + teg_forms(s) - 3;
+        const double *const guards = row + 3 * (int)(number % s->parts) * s->guards;
+        const teg_signs signs = teg_signs_of_all(guards, s->guards, u, v, r->su, r->sv, whole);
+        double g[3] = {key[0], key[1], key[2]}, highest, middle;
+        int present = !signs.absent, better;
         teg_region *region;
-        double g[3], highest;
-        int present, better;
-        if (r->region_count == r->region_room) {
-            r->regions =
-                teg_grown(r->regions, r->own_regions, r->region_count * sizeof *region, 2 * r->region_room * sizeof *region, &r->failed);
-            if (r->failed) return;
-            r->own_regions = 1;
-            r->region_room *= 2;
+        if (!teg_room_for_region(r, count)) return;
+        if (whole) middle = g[0] + 0.5 * g[1] + 0.5 * g[2], highest = g[0] + teg_most_of(g[1], 0.0) + teg_most_of(g[2], 0.0);
+        else {
+            teg_key_form(r, candidate, g);
+            middle = g[0] + 0.5 * (u[0] + u[1]) * g[1] + 0.5 * (v[0] + v[1]) * g[2], highest = teg_highest(r, g);
         }
-        region = r->regions + r->region_count;
-        region->region = list ? list[k] : k;
-        present = teg_present(r, region);
-        teg_key_form(r, region->region / s->parts, g);
-        r->undefined |= present & !((fabs(g[0]) < INFINITY) & (fabs(g[1]) < INFINITY) & (fabs(g[2]) < INFINITY));
-        region->middle = g[0] + 0.5 * (r->u[0] + r->u[1]) * g[1] + 0.5 * (r->v[0] + r->v[1]) * g[2];
-        highest = teg_highest(r, g);
-        better = present & !region->cuts & ((base < 0) | (highest < nearest));
-        base = better ? region->region : base, nearest = better ? highest : nearest;
-        r->region_count += (size_t)present;
+        undefined |= present & ((signs.infinite != 0) | !((fabs(g[0]) < INFINITY) & (fabs(g[1]) < INFINITY) & (fabs(g[2]) < INFINITY)));
+        highest = teg_pick(present & !signs.cuts, highest, INFINITY);
+        better = highest < nearest;
+        base += -(int64_t)better & (number - base), nearest = teg_least_of(highest, nearest);
+        region = r->regions + count;
+        region->middle = middle, region->region = number, region->cuts = signs.cuts, region->front = 1;
+        count += (size_t)present;
     }
-    r->base = base;
-    for (size_t k = 0; k < r->region_count && base >= 0 && !r->undefined; k++) {
+    r->region_count = count, r->undefined = undefined, r->base = base;
+}
+
+//: teg_leave_out_hidden
+/* Leave out the regions that are behind the base on all of the tile, and the base; note which are in front of it. */
+TEG_INLINE void teg_leave_out_hidden(teg_arrangement *r, int whole)
+{
+    const int64_t base = r->base, parts = TEG_SHAPE(r->shape)->parts;
+    size_t kept = 0;
+    for (size_t k = 0; k < r->region_count; k++) {
         const teg_region *const region = r->regions + k;
         teg_region *const to = r->regions + kept;
         double g[3];
-        const double size = teg_key_difference(r, region->region / s->parts, base / s->parts, g), lowest = teg_lowest(r, g);
-        const int hidden = (region->region == base) | (lowest > TEG_ON_LINE * (fabs(g[1]) + fabs(g[2])) + TEG_KEY_ROUNDING * size);
-        to->middle = region->middle, to->region = region->region, to->cuts = region->cuts;
+        const double size = teg_key_difference(r, region->region / parts, base / parts, g);
+        const double lowest = whole ? g[0] + teg_least_of(g[1], 0.0) + teg_least_of(g[2], 0.0) : teg_lowest(r, g);
+        const double highest = whole ? g[0] + teg_most_of(g[1], 0.0) + teg_most_of(g[2], 0.0) : teg_highest(r, g);
+        const double tolerance = TEG_ON_LINE * (fabs(g[1]) + fabs(g[2])) + TEG_KEY_ROUNDING * size;
+        const int hidden = (region->region == base) | (lowest > tolerance);
+        to->middle = region->middle, to->region = region->region, to->cuts = region->cuts, to->front = highest < -2.0 * tolerance;
         kept += (size_t)!hidden;
     }
-    if (base >= 0) r->region_count = kept;
-    for (size_t k = 0; k < r->region_count && !r->undefined && !r->failed; k++) teg_draw(r, r->regions + k);
+    r->region_count = kept;
+}
+
+//: teg_select_on
+/* `teg_select`; `whole`: whether the tile is the unit square, not moved, and keys are not taken apart. */
+TEG_INLINE void teg_select_on(teg_arrangement *r, const int64_t *list, int64_t regions, int whole)
+{
+    r->alone = 0;
+    r->cell_count = r->region_count = r->used = 0;
+    r->line_count = 4;
+    teg_find_present(r, list, regions, whole);
+    if (r->undefined || r->failed) return;
+    if (r->base >= 0) teg_leave_out_hidden(r, whole);
+    for (size_t k = 0; k < r->region_count && !r->failed; k++) teg_draw(r, r->regions + k);
+}
+
+//: teg_select
+/* Find the regions that may be seen in the tile among those of a list (NULL: all), and their lines; and the base, which covers it. */
+static void teg_select(teg_arrangement *r, const int64_t *list, int64_t regions)
+{
+    teg_select_on(r, list, regions, 0);
+}
+
+//: teg_select_on_square
+/* The same of all regions on the unit square. */
+static void teg_select_on_square(teg_arrangement *r, int64_t regions)
+{
+    teg_select_on(r, NULL, regions, 1);
 }
 
 //: teg_held
@@ -127,7 +162,7 @@ static int64_t teg_beyond(teg_arrangement *r, int64_t owner, int64_t partner, co
 {
     const int parts = TEG_SHAPE(r->shape)->parts;
     const double length = sqrt(edge[2] * edge[2] + edge[3] * edge[3]);
-    const teg_region base = {0.0, r->base, 0, 0, 0};
+    const teg_region base = {0.0, r->base, 0, 0, 0, 0};
     double steepest = 0.0, own[3];
     int64_t nearest = -1;
     if (length <= TEG_ON_LINE) return -1;
@@ -184,10 +219,12 @@ static void teg_assign_key_edges(teg_arrangement *r)
 /* Cut the tile into cells. Those of the base may be left out if its polynomials are known (see `teg_values`). */
 static void teg_arrange(teg_arrangement *r, int known)
 {
-    const double x[4] = {r->u[0], r->u[1], r->u[1], r->u[0]}, y[4] = {r->v[0], r->v[0], r->v[1], r->v[1]};
-    static const int label[4] = {4, 2, 6, 0};
-    for (int i = 0; i < 4; i++) r->x[i] = x[i], r->y[i] = y[i], r->label[i] = label[i];
-    teg_close_piece(4, r->x, r->y, r->label);
+    static const teg_line sides[4] = {{0, 1, 0, 1, -1, -1, 0, 0, 0, -1, 0}, {1, -1, 0, 1, -1, -1, 0, 0, 0, -1, 0},
+        {0, 0, 1, 1, -1, -1, 0, 0, 0, -1, 0}, {1, 0, -1, 1, -1, -1, 0, 0, 0, -1, 0}};
+    memcpy(r->lines, sides, sizeof sides);
+    teg_copy_corners(teg_square.x, teg_square.y, teg_square.label, r->x, r->y, r->label);
+    if (r->u[0] != 0.0 || r->v[0] != 0.0 || r->u[1] != 1.0 || r->v[1] != 1.0)
+        for (int i = 0; i < TEG_PIECE; i++) r->x[i] = r->u[r->x[i] > 0.0], r->y[i] = r->v[r->y[i] > 0.0];
     teg_new_cell(r, r->base, 0, 4);
     r->cells[0].sides[0] = ~0, r->cells[0].up = 0;
     r->tied = 0;

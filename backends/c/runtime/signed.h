@@ -71,7 +71,7 @@ static int teg_cut_pieces(const teg_arrangement *r, teg_pieces *all)
 {
     const int count = (int)r->region_count;
     int more = 1;
-    for (int k = 0; k < count; k++) all->of[k] = teg_square;
+    for (int k = 0; k < count; k++) teg_copy_piece(&teg_square, all->of + k);
     for (int turn = 0; more; turn++) {
         more = 0;
         for (int k = 0; k < count; k++) {
@@ -190,9 +190,11 @@ static void teg_signed_cell(teg_arrangement *r, const teg_piece *piece, int regi
 static int teg_hide(teg_arrangement *r, int near, int far, teg_pieces *all)
 {
     const int64_t one = r->regions[near].region, two = r->regions[far].region;
-    teg_piece common = all->of[far], other;
+    teg_piece common, other;
     double g[3], tolerance;
-    int whole = teg_cut_by_region(r, r->regions + near, all->label, &common), side, line = all->key[near];
+    int whole, side, line = all->key[near];
+    teg_copy_piece(all->of + far, &common);
+    whole = teg_cut_by_region(r, r->regions + near, all->label, &common);
     if (whole <= TEG_PART && line >= 0) {
         const int cut = teg_cut_by_line(r, line, 2 * line, &common);
         whole = cut > whole ? cut : whole;
@@ -208,7 +210,7 @@ static int teg_hide(teg_arrangement *r, int near, int far, teg_pieces *all)
     if (all->hidden & all->lent) return 0; /* cuts may give their common edges to the other one */
     if (side) teg_signed_cell(r, &common, side == 1 ? far : near, side == 1 ? near : far);
     else {
-        line = teg_key_line(r, two, one, g), other = common;
+        line = teg_key_line(r, two, one, g), teg_copy_piece(&common, &other);
         if (r->failed || teg_cut_by_line(r, line, 2 * line, &common) != TEG_PART) return 0;
         if (teg_trim(&other, -r->lines[line].c, -r->lines[line].a, -r->lines[line].b, 2 * line + 1) != TEG_PART) return 0;
         teg_signed_cell(r, &common, far, near);

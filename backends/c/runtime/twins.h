@@ -27,16 +27,19 @@ static void teg_sort_twins(teg_twin *twins, size_t count)
    counts as the same. */
 static int teg_may_have_twins(const teg_arrangement *r)
 {
-    const size_t count = r->line_count;
+    size_t count = r->line_count;
     int found = count > TEG_FEW;
-    for (size_t k = 0; k + 1 < r->region_count && !found; k++)
-        for (int i = r->regions[k].first; i < r->regions[k].end; i++)
-            for (size_t m = k + 1; m < r->region_count; m++)
-                for (int j = r->regions[m].first; j < r->regions[m].end; j++) {
-                    const teg_line *const g = r->lines + i, *const h = r->lines + j;
-                    const double across = g->a * h->b - g->b * h->a, along = g->a * h->a + g->b * h->b;
-                    found |= (fabs(across) < 8.0 / TEG_ANGLES) & (fabs(along < 0.0 ? g->c + h->c : g->c - h->c) < 2.0 * TEG_SAME);
-                }
+    while (count > 4 && r->lines[count - 1].minus >= 0) count--; /* those of keys are last */
+    for (size_t i = 4; i < count && !found; i++) {
+        const teg_line *const g = r->lines + i;
+        int near = 0;
+        for (size_t j = (size_t)g->end; j < count; j++) near |= fabs(fabs(g->c) - fabs(r->lines[j].c)) < 2.0 * TEG_SAME;
+        for (size_t j = (size_t)g->end; j < count && near; j++) { /* those of the regions behind this one's */
+            const teg_line *const h = r->lines + j;
+            const double across = g->a * h->b - g->b * h->a, along = g->a * h->a + g->b * h->b;
+            found |= (fabs(across) < 8.0 / TEG_ANGLES) & (fabs(along < 0.0 ? g->c + h->c : g->c - h->c) < 2.0 * TEG_SAME);
+        }
+    }
     return found;
 }
 

@@ -117,6 +117,36 @@ def test_weighted_tables_of_scenes(kept: Any, scene: str, kind: str) -> None:
     assert scene in ("a bent mesh", "coincident", "of all sizes") or TABLES in states  # edges on sides of the square
 
 
+@pytest.mark.parametrize("constant", [0.0, 0.5, -0.5])
+def test_guards_without_a_line(kept: Any, constant: float) -> None:
+    """A number in the place of a guard holds on all of the square, also if it is 0, or on none of it."""
+    random, shape = np.random.default_rng(7), Layout(1, 3, 1)
+    forms = np.array([[[1.0, 0.25, -0.5], [constant, 0.0, 0.0], [0.75, 0.0, 0.0]]])
+    rows, otherwise, weights = numbers_of(shape, forms, random.normal(size=(1, 3)), 2, random)
+    assert (check(kept, shape, rows, otherwise, weights) == ONE_OWNER) == (constant >= 0.0)
+    check(kept, shape, np.concatenate([rows, rows]), otherwise, weights)
+
+
+@pytest.mark.parametrize("slope", [0.0, 1.0, -1.0])
+@pytest.mark.parametrize("gap", [0.0, 1e-13, 1e-12, 1e-9, 0.25, -1e-12, -0.25])
+def test_keys_that_nearly_touch_that_of_the_base(kept: Any, gap: float, slope: float) -> None:
+    """One or two triangles before what covers the square, but for a gap at a corner of the square or on all of it."""
+    random, shape = np.random.default_rng(8), Layout(1, 3, 1)
+    corners = np.array(
+        [[[-9.0, -9.0], [9.0, -9.0], [0.0, 20.0]], [[0.2, 0.1], [0.9, 0.3], [0.4, 0.8]], [[0.1, 0.5], [0.7, 0.15], [0.8, 0.9]]]
+    )
+    key = np.array([[1.0, 0.5, 0.25], [1.0 - gap, 0.5 - slope, 0.25 - slope], [1.0 - 3.0 * gap, 0.5 - 2.0 * slope, 0.25 - slope]])
+    for count in (2, 3):
+        check(kept, shape, *numbers_of(shape, guards(corners[:count]), key[:count], 2, random))
+
+
+def test_which_rows_are_listed_is_found_once() -> None:
+    """A table of rows and the sums over its rows read the same list."""
+    source = Ours(overlapping(3, 4), waves(4)).evaluator.source
+    assert source.count("= teg_listed(") == 1
+    assert len(re.findall(r"free\(\w+_listed\);", source)) == 1
+
+
 def halves(random: np.random.Generator, through: Array) -> Array:
     """Returns two triangles with a common edge that goes through a point of the square, and cover it all but for rounding."""
     angle = random.uniform(0.0, 2 * np.pi)
