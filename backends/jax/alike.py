@@ -18,7 +18,7 @@ Where two texts have different operations, or read different variables, every ro
 
 So the charts of a curve over x and over y, which have their coordinates in exchanged roles, are rows of one integral. A selected value is
 what its own row computes: the other ones are not used, whatever they are. Rows with selects are made where they are much shorter than the
-statements that they stand for (`SPARED`). Ties are never computed for other rows: these would note them.
+statements that they stand for (`SPARED`). A tie that is computed for other rows too is met by its own one only.
 """
 
 from __future__ import annotations
@@ -41,6 +41,8 @@ LOOP = 40
 """What a search or an adaptive integral costs XLA beside its blocks, in statements."""
 SPARED = 0.15
 """Rows with selects are made if they spare XLA this part of what the statements cost that they stand for."""
+UNREAD = "soft"
+"""A setting of roots that backends do not read: only estimates of errors do, which are statements by now."""
 SWAPPED = frozenset(("add", "mul", "max", "min", "and", "or"))
 """Operations whose first two operands may change places."""
 
@@ -120,7 +122,7 @@ def _cost(block: Iterable[Any]) -> int:
 
 def _settings(node: Any) -> list[Any]:
     known = {f.name for f in declared(type(node))}
-    return [getattr(node, f.name) for f in fields(node) if f.name not in known]
+    return [getattr(node, f.name) for f in fields(node) if f.name not in known and f.name != UNREAD]
 
 
 def _independent(stmts: Sequence[Any], group: Sequence[Any], uses: Uses) -> bool:
@@ -445,16 +447,28 @@ class _Matching:
         if a in self.stands[row]:
             return self.stands[row][a]
         number, stmt = self.made[row][a]
-        if not isinstance(stmt, Assign) or stmt.op == "tie":
+        if not isinstance(stmt, Assign):
             raise Hopeless
         place = number, self._shape(row, a)
         same = [self._of_shape(r, place) for r in range(len(self.made))]
         if all(same):
             ordinal = same[row].index(a)
             return self.arg(tuple(a if r == row else names[min(ordinal, len(names) - 1)] for r, names in enumerate(same)))
+        args = tuple(self._at(number, self._of_row, row, v) for v in stmt.args)
+        if stmt.op == "tie":
+            args = (args[0], self._only_of(row, args[1], number), *args[2:])
         name = self._name()
-        self.blocks[number].append(Assign(name, stmt.op, tuple(self._at(number, self._of_row, row, v) for v in stmt.args)))
+        self.blocks[number].append(Assign(name, stmt.op, args))
         self.stands[row][a] = name
+        return name
+
+    def _only_of(self, row: int, scale: Arg, number: int) -> Arg:
+        """The scale of a tie that only one row may meet: that of others is negative, and nothing is as near to 0 as that."""
+        if not isinstance(scale, str):
+            return self._column(tuple(scale if r == row else -1.0 for r in range(len(self.made))))
+        name = self._name()
+        mine = self._column(tuple(r == row for r in range(len(self.made))))
+        self.blocks[number].append(Assign(name, "select", (mine, scale, -1.0)))
         return name
 
     def _shape(self, row: int, a: Arg) -> Any:
