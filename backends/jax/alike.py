@@ -207,7 +207,8 @@ class _Matching:
     moved into the rows. What is compared is needed in the block `place`.
 
     For each row, `stands` has a name that stands for its own one, and `shapes` what names are computed by, without the numbers in it; names
-    of one block and shape are `shaped`. `selects` counts the values that rows select, and those `wanted` have been begun.
+    of one shape are `shaped` for each block, with how many names were known then. `selects` counts the values that rows select, and those
+    `wanted` have been begun.
     """
 
     def __init__(self, rows: int, own: dict[str, Assign], numbers: Iterator[int]) -> None:
@@ -221,7 +222,7 @@ class _Matching:
         self.above: list[set[int]] = [set()]
         self.stands: list[dict[str, Arg]] = [{} for _ in range(rows)]
         self.shapes: list[dict[str, Any]] = [{} for _ in range(rows)]
-        self.shaped: list[dict[tuple[int, Any], list[str]]] = [{} for _ in range(rows)]
+        self.shaped: list[dict[int, tuple[int, dict[Any, list[str]]]]] = [{} for _ in range(rows)]
         self.selects = 0
         self.wanted: set[tuple[Any, ...]] = set()
 
@@ -486,10 +487,15 @@ class _Matching:
 
     def _of_shape(self, row: int, place: tuple[int, Any]) -> list[str]:
         """The values in a block of one row that have a shape."""
-        if place not in self.shaped[row]:
-            own = [name for name, (number, s) in self.made[row].items() if number == place[0] and isinstance(s, Assign)]
-            self.shaped[row][place] = [name for name in own if self._shape(row, name) == place[1]]
-        return self.shaped[row][place]
+        number, shape = place
+        made, shaped = self.shaped[row].get(number, (0, {}))
+        if made != len(self.made[row]):
+            shaped = {}
+            for name, (own, s) in self.made[row].items():
+                if own == number and isinstance(s, Assign):
+                    shaped.setdefault(self._shape(row, name), []).append(name)
+            self.shaped[row][number] = len(self.made[row]), shaped
+        return shaped.get(shape, [])
 
     def _in_order(self, op: str, lists: Sequence[tuple[Arg, ...]]) -> list[tuple[Arg, ...]]:
         """The operands of the rows, the first two in the order that makes them most alike."""

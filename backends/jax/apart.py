@@ -24,6 +24,7 @@ from jaxlib.mlir import ir
 from jaxlib.mlir.dialects import func
 
 from teg.backends.jax.quotients import joined
+from teg.backends.jax.uncollected import uncollected
 
 GAIN = 150
 """Operations that keeping a value must save: a kernel costs XLA about as much time as 40 to 100 of them."""
@@ -50,8 +51,9 @@ def once(function: Callable[..., Sequence[Any]]) -> Callable[..., list[Any]]:
     """Returns a function of arrays in which values are kept apart where that spares XLA copies."""
 
     def spared(*operands: Any) -> list[Any]:
-        traced = jax.make_jaxpr(lambda *v: list(function(*v)))(*operands)
-        found: list[Any] = jaxpr_as_fun(_Cuts().inside(traced))(*operands)
+        with uncollected():
+            traced = jax.make_jaxpr(lambda *v: list(function(*v)))(*operands)
+            found: list[Any] = jaxpr_as_fun(_Cuts().inside(traced))(*operands)
         return found
 
     return spared

@@ -41,6 +41,7 @@ from teg.backends.jax.kernel import JaxKernel, compile_jax
 from teg.backends.jax.loops import BLOCK, WIDE_BLOCK, ArrayFunction
 from teg.backends.jax.options import compiler_options
 from teg.backends.jax.precision import in_double_precision
+from teg.backends.jax.uncollected import uncollected
 from teg.program import Program
 from teg.program.arrays import ArrayProgram
 
@@ -266,7 +267,7 @@ def _front(batch: Batch, i: int, level: int | None = None) -> int:
 def _lower(context: Any, *operands: Any, family: Family, order: int, batch: Batch, dtype: str, room: int = WIDE_BLOCK) -> Any:
     """The kernel, traced as if there were no mesh: it is a function of each element, wherever that lies."""
     plain = [jax.core.ShapedArray(v.shape, v.dtype) for v in context.avals_in]
-    with in_double_precision(), jax.sharding.use_abstract_mesh(NOWHERE):
+    with uncollected(), in_double_precision(), jax.sharding.use_abstract_mesh(NOWHERE):
         function = family.function(order, batch, dtype, room)
         return mlir.lower_fun(function, multiple_results=True)(context.replace(avals_in=plain), *operands)
 
