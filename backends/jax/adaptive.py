@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
@@ -154,7 +153,7 @@ def _turned(how: _How, piece: OnPiece, at: _Progress) -> _Progress:
     pieces, nodes, places = how.pieces, how.nodes, piece.places
     looks, left, width = at.turn < 0, at.start / END, at.width / END
     x, rate = place(JAX, places, pieces.ways, left + 0.5 * width * (1.0 + _of_turn(nodes, at.turn)))
-    found, notes = jax.vmap(piece.at)(x)
+    found, notes = piece.at(x, at.start < END)
     weighted = found[:, : pieces.values] * (0.5 * width * rate)[:, None]
     seen = jnp.concatenate([at.seen[nodes.width :], jnp.concatenate([weighted, found[:, pieces.values :]], axis=1)])
     full = looks | (at.turn + 1 == nodes.turns)

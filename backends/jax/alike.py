@@ -18,7 +18,7 @@ Where two texts have different operations, or read different variables, every ro
 
 So the charts of a curve over x and over y, which have their coordinates in exchanged roles, are rows of one integral. A selected value is
 what its own row computes: the other ones are not used, whatever they are. Rows with selects are made where they are much shorter than the
-statements that they stand for (`SPARED`). Ties are never computed for other rows: these would note them.
+statements that they stand for (`SPARED`). A tie that is computed for other rows too is met by its own one only.
 """
 
 from __future__ import annotations
@@ -41,6 +41,8 @@ LOOP = 40
 """What a search or an adaptive integral costs XLA beside its blocks, in statements."""
 SPARED = 0.15
 """Rows with selects are made if they spare XLA this part of what the statements cost that they stand for."""
+UNREAD = "soft"
+"""A setting of roots that backends do not read: only estimates of errors do, which are statements by now."""
 SWAPPED = frozenset(("add", "mul", "max", "min", "and", "or"))
 """Operations whose first two operands may change places."""
 
@@ -120,7 +122,7 @@ def _cost(block: Iterable[Any]) -> int:
 
 def _settings(node: Any) -> list[Any]:
     known = {f.name for f in declared(type(node))}
-    return [getattr(node, f.name) for f in fields(node) if f.name not in known]
+    return [getattr(node, f.name) for f in fields(node) if f.name not in known and f.name != UNREAD]
 
 
 def _independent(stmts: Sequence[Any], group: Sequence[Any], uses: Uses) -> bool:
@@ -205,7 +207,8 @@ class _Matching:
     moved into the rows. What is compared is needed in the block `place`.
 
     For each row, `stands` has a name that stands for its own one, and `shapes` what names are computed by, without the numbers in it; names
-    of one block and shape are `shaped`. `selects` counts the values that rows select, and those `wanted` have been begun.
+    of one shape are `shaped` for each block, with how many names were known then. `selects` counts the values that rows select, and those
+    `wanted` have been begun.
     """
 
     def __init__(self, rows: int, own: dict[str, Assign], numbers: Iterator[int]) -> None:
@@ -219,7 +222,7 @@ class _Matching:
         self.above: list[set[int]] = [set()]
         self.stands: list[dict[str, Arg]] = [{} for _ in range(rows)]
         self.shapes: list[dict[str, Any]] = [{} for _ in range(rows)]
-        self.shaped: list[dict[tuple[int, Any], list[str]]] = [{} for _ in range(rows)]
+        self.shaped: list[dict[int, tuple[int, dict[Any, list[str]]]]] = [{} for _ in range(rows)]
         self.selects = 0
         self.wanted: set[tuple[Any, ...]] = set()
 
@@ -445,16 +448,28 @@ class _Matching:
         if a in self.stands[row]:
             return self.stands[row][a]
         number, stmt = self.made[row][a]
-        if not isinstance(stmt, Assign) or stmt.op == "tie":
+        if not isinstance(stmt, Assign):
             raise Hopeless
         place = number, self._shape(row, a)
         same = [self._of_shape(r, place) for r in range(len(self.made))]
         if all(same):
             ordinal = same[row].index(a)
             return self.arg(tuple(a if r == row else names[min(ordinal, len(names) - 1)] for r, names in enumerate(same)))
+        args = tuple(self._at(number, self._of_row, row, v) for v in stmt.args)
+        if stmt.op == "tie":
+            args = (args[0], self._only_of(row, args[1], number), *args[2:])
         name = self._name()
-        self.blocks[number].append(Assign(name, stmt.op, tuple(self._at(number, self._of_row, row, v) for v in stmt.args)))
+        self.blocks[number].append(Assign(name, stmt.op, args))
         self.stands[row][a] = name
+        return name
+
+    def _only_of(self, row: int, scale: Arg, number: int) -> Arg:
+        """The scale of a tie that only one row may meet: that of others is negative, and nothing is as near to 0 as that."""
+        if not isinstance(scale, str):
+            return self._column(tuple(scale if r == row else -1.0 for r in range(len(self.made))))
+        name = self._name()
+        mine = self._column(tuple(r == row for r in range(len(self.made))))
+        self.blocks[number].append(Assign(name, "select", (mine, scale, -1.0)))
         return name
 
     def _shape(self, row: int, a: Arg) -> Any:
@@ -472,10 +487,15 @@ class _Matching:
 
     def _of_shape(self, row: int, place: tuple[int, Any]) -> list[str]:
         """The values in a block of one row that have a shape."""
-        if place not in self.shaped[row]:
-            own = [name for name, (number, s) in self.made[row].items() if number == place[0] and isinstance(s, Assign)]
-            self.shaped[row][place] = [name for name in own if self._shape(row, name) == place[1]]
-        return self.shaped[row][place]
+        number, shape = place
+        made, shaped = self.shaped[row].get(number, (0, {}))
+        if made != len(self.made[row]):
+            shaped = {}
+            for name, (own, s) in self.made[row].items():
+                if own == number and isinstance(s, Assign):
+                    shaped.setdefault(self._shape(row, name), []).append(name)
+            self.shaped[row][number] = len(self.made[row]), shaped
+        return shaped.get(shape, [])
 
     def _in_order(self, op: str, lists: Sequence[tuple[Arg, ...]]) -> list[tuple[Arg, ...]]:
         """The operands of the rows, the first two in the order that makes them most alike."""

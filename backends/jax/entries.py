@@ -100,6 +100,29 @@ def _follows(first: Entry, other: Entry | None, distance: int) -> bool:
     return other is not None and other.array is first.array and other.place == first.place + distance
 
 
+def parts(numbers: Sequence[Any]) -> tuple[list[Any], tuple[bool, ...]]:
+    """The arrays that some numbers were taken from, as far as they stand together, and the other numbers; and which of these are arrays."""
+    found: list[Any] = []
+    several: list[bool] = []
+    start = 0
+    while start < len(numbers):
+        first, end = entry(numbers[start]), start + 1
+        if first is None:
+            found.append(jnp.asarray(numbers[start]))
+        else:
+            while end < len(numbers) and _follows(first, entry(numbers[end]), end - start):
+                end += 1
+            found.append(lax.slice_in_dim(first.array, first.place, first.place + end - start))
+        several.append(first is not None)
+        start = end
+    return found, tuple(several)
+
+
+def of_parts(arrays: Sequence[Any], several: Sequence[bool]) -> tuple[Any, ...]:
+    """The numbers of parts."""
+    return tuple(v for array, many in zip(arrays, several, strict=True) for v in (entries(array) if many else (array,)))
+
+
 class Columns(NamedTuple):
     """Columns of numbers: those with these `numbers`, (rows, columns)."""
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 
 from teg.backends.jax.runtime import MISSED, Note, OnPiece, Pieces, Scalar, integrate, union, where
@@ -25,7 +24,7 @@ def rational(pieces: Pieces, nodes: int, power: int, *integral: Any, when: Scala
         at, plain = map(jnp.float64, gauss_legendre(nodes))
         w = jnp.where(pole.clear, pole_weights(jnp, nodes, power, pole.low, pole.high), plain)[:, None]
         half = 0.5 * (q - p)
-        found, notes = jax.vmap(piece.at)(0.5 * (p + q) + half * at)
+        found, notes = piece.at(0.5 * (p + q) + half * at)
         sums = half * jnp.sum(w * found, axis=0)
         highest = jnp.abs(jnp.sum(jnp.float64(null_rules(nodes)[0])[:, None] * found, axis=0))
         endless = pole.met & (highest > RESIDUE * jnp.sum(plain[:, None] * jnp.abs(found), axis=0))

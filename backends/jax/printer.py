@@ -5,9 +5,11 @@ kernel_lines(program)  ->  the lines of `kernel(order, zero, p0, …)` (see `ker
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import assert_never
 
 from teg.backends.jax.alike import Rows
+from teg.backends.jax.in_common import in_common
 from teg.backends.text import Dialect, assignment, inside, strict, value
 from teg.program import (
     Adaptive,
@@ -94,9 +96,6 @@ def _block(block: tuple[Stmt, ...], results: str) -> list[str]:
 
 def _integral(stmt: Integrate, note: str) -> list[str]:
     """The functions of an integral, and its call."""
-    flagged = f"({inside(_names(stmt.flags))})"
-    has_flags = bool(stmt.flags) or stmt.need is not None or bool(stmt.bends)
-    flags, body = f"flags_{stmt.var}" if has_flags else "None", f"body_{stmt.var}"
     cubic = False
     match stmt.rule:
         case Gauss(nodes):
@@ -113,21 +112,39 @@ def _integral(stmt: Integrate, note: str) -> list[str]:
     pieces = f"rt.Pieces({len(stmt.values)}, {stmt.tested}, {bool(stmt.estimates)}, {kinds}, {cubic}, {stmt.infinite})"
     of_bends = [stmt.base, stmt.scale, *(c for b in stmt.bends for c in b.coefficients)] if stmt.bends or stmt.infinite else []
     arguments = [pieces, *options, f"({inside(map(_text, (stmt.lo, stmt.hi, *stmt.breaks)))})"]
-    arguments += [f"({inside(map(_text, of_bends))})", f"({flags}, {body})"] + ([f"when={stmt.when}"] if stmt.when else [])
-    lines: list[str] = []
-    if has_flags:
-        lines += [f"def {flags}({inside((stmt.var, *(stmt.ends or ('_p', '_q'))))}):"]
-        lines += _block(stmt.flags, f"{stmt.need or True}, ({inside(_text(b.when) for b in stmt.bends)}), {flagged}")
-    lines += [f"def {body}({stmt.var}, flagged):"]
-    lines += [f"    {flagged} = flagged"] if _names(stmt.flags) else []
-    lines += _block(stmt.body, f"({inside(map(_text, stmt.at_nodes))})")
+    blocks, lines = _blocks_of(stmt)
+    arguments += [f"({inside(map(_text, of_bends))})", f"({inside(blocks)})"] + ([f"when={stmt.when}"] if stmt.when else [])
     if stmt.guard is not None:
         bounds = (*stmt.guard.sizes, *stmt.guard.upper, *stmt.guard.lower)
-        lines += [f"def guard_{stmt.var}({stmt.guard.left}, {stmt.guard.right}, flagged):"]
-        lines += [f"    {flagged} = flagged"] if _names(stmt.flags) else []
+        lines += [f"def guard_{stmt.var}({stmt.guard.left}, {stmt.guard.right}, flagged):", *_taken(_names(stmt.flags), "flagged")]
         lines += _block(stmt.guard.block, f"({inside(map(_text, bounds))})")
         arguments.append(f"guard=guards.Guard(guard_{stmt.var}, {len(stmt.guard.upper)})")
     return [*lines, f"({inside(assigned(stmt))}), {note} = {name}({', '.join(arguments)})"]
+
+
+def _blocks_of(stmt: Integrate) -> tuple[list[str], list[str]]:
+    """The names of the functions of flags, of the body, and of what both have in common if there is such; and the functions."""
+    common = in_common(stmt)
+    flags, body, also = (stmt.flags, stmt.body, "") if common is None else (common.flags, common.body, ", common")
+    flagged = _names(stmt.flags) if common is None else list(common.flagged)
+    names, lines = [f"flags_{stmt.var}", f"body_{stmt.var}"], []
+    if stmt.flags or stmt.need is not None or stmt.bends:
+        results = f"{stmt.need or True}, ({inside(_text(b.when) for b in stmt.bends)}), ({inside(flagged)})"
+        lines += [f"def {names[0]}({inside((stmt.var, *(stmt.ends or ('_p', '_q'))))}{also}):"]
+        lines += [*(_taken(common.names, "common") if common else ()), *_block(flags, results)]
+    else:
+        names[0] = "None"
+    lines += [f"def {names[1]}({stmt.var}, flagged{also}):", *_taken(flagged, "flagged")]
+    lines += [*(_taken(common.names_in_body, "common") if common else ()), *_block(body, f"({inside(map(_text, stmt.at_nodes))})")]
+    if common is None:
+        return names, lines
+    name = f"common_{stmt.var}"
+    return [*names, name], [f"def {name}({stmt.var}):", *_block(common.block, f"({inside(common.names)})"), *lines]
+
+
+def _taken(names: Sequence[str], entries: str) -> list[str]:
+    """The line that gives the entries of a tuple their names; none where there are none."""
+    return [f"    ({inside(names)}) = {entries}"] if names else []
 
 
 def _isolation(stmt: Isolate, note: str) -> list[str]:
@@ -191,11 +208,11 @@ def _clipped(stmt: Polyhedron | Polygon | Segment, note: str) -> list[str]:
     factors = f"({inside(map(_text, stmt.factors))})"
     if isinstance(stmt, Polyhedron):
         name, variables = "polyhedra.polyhedron", ", ".join(stmt.variables)
-        spaces = [f"({', '.join(map(_text, (*g.slopes, g.offset)))}, {g.closed})" for g in stmt.half_spaces]
+        spaces = [f"({', '.join(map(_text, (*g.slopes, g.offset)))}, {_text(g.closed)})" for g in stmt.half_spaces]
         rule = [f"(({inside(strict(e, 'jnp') for e in stmt.extents)}), ({inside(spaces)}))", str(stmt.degree)]
     elif isinstance(stmt, Polygon):
         name, variables = "polygons.polygon", ", ".join(stmt.variables)
-        planes = [f"({_text(g.a)}, {_text(g.b)}, {_text(g.c)}, {g.closed})" for g in stmt.half_planes]
+        planes = [f"({_text(g.a)}, {_text(g.b)}, {_text(g.c)}, {_text(g.closed)})" for g in stmt.half_planes]
         places = [f"({_text(u)}, {_text(v)})" for u, v in stmt.corners]
         triangle = [f"({inside(places)})", _text(stmt.across)] if stmt.corners else []
         region = ", ".join([strict(stmt.width, "jnp"), strict(stmt.height, "jnp"), f"({inside(planes)})", *triangle])
@@ -203,8 +220,7 @@ def _clipped(stmt: Polyhedron | Polygon | Segment, note: str) -> list[str]:
     else:
         name, variables = "polygons.segment", stmt.var
         ends = [
-            f"({_text(g.first)}, {_text(g.last)}, {g.closed}, {g.k is not None}, {_text(g.resolution)}, {_text(g.size)}, {_text(g.scale)})"
-            for g in stmt.half_lines
+            f"({inside(map(_text, (g.first, g.last, g.closed, g.k is not None, g.resolution, g.size, g.scale)))})" for g in stmt.half_lines
         ]
         rule = [f"({inside(ends)})", str(stmt.nodes)]
     body = f"body_{stmt.results[0]}"
@@ -240,7 +256,7 @@ def _ellipse(stmt: Ellipse) -> str:
     numbers = (f"({inside(map(_text, part))})" for part in (stmt.matrix, stmt.place))
     arguments = [*numbers, f"({kinds})", f"({coefficients})"]
     if stmt.half_planes:
-        planes = (f"({_text(g.a)}, {_text(g.b)}, {_text(g.c)}, {g.closed})" for g in stmt.half_planes)
+        planes = (f"({_text(g.a)}, {_text(g.b)}, {_text(g.c)}, {_text(g.closed)})" for g in stmt.half_planes)
         arguments.append(f"clip=ellipses.polygon({_text(stmt.place[3])}, {_text(stmt.place[4])}, ({inside(planes)}), zero)")
     arguments += [f"when={stmt.when}"] if stmt.when else []
     return f"({inside(stmt.results)}) = ellipses.moments({', '.join(arguments)})"

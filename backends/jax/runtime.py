@@ -25,10 +25,9 @@ from teg.program import INSIDE, ROUNDING
 
 Scalar = Any  # a traced scalar, float64 or boolean, or a Python literal
 Note = Any  # an int32: TIED where a tie was met, MISSED where a tolerance was, CROWDED where a search has too little room
-Body = Callable[[Scalar, tuple[Scalar, ...]], tuple[tuple[Scalar, ...], Note]]  # x, flags -> values, note
-Flags = Callable[
-    [Scalar, Scalar, Scalar], tuple[Scalar, tuple[Scalar, ...], tuple[Scalar, ...], Note]
-]  # middle, ends -> need, bends, flags, note
+Block = Callable[..., Any]
+"""A printed function: the body, from x and flags to values and a note; or the flags, from the middle and the ends of a piece to whether it
+is needed, its bends, the flags, and a note. Both take the values that they have in common last, if there are such."""
 Rule = Callable[["OnPiece", Bends, Scalar], tuple[Any, Note]]
 Run = tuple[Scalar, Scalar]  # the order of ties, and a zero that keeps a product and a sum apart (see `teg.backends.text`)
 TIED, MISSED, CROWDED = 1, 2, 4
@@ -136,12 +135,13 @@ def integrate(
     rule: Rule,
     ends: Sequence[Scalar],
     bends: tuple[Scalar, ...],
-    blocks: tuple[Flags | None, Body],
+    blocks: tuple[Any, ...],
     *,
     when: Scalar,
 ) -> tuple[tuple[Scalar, ...], Note]:
-    """The results, and the note; `ends`: the bounds, then breaks; `bends`: base, scale, and three coefficients a bend, or nothing."""
-    (lo, hi), breaks, (flags, body) = (jnp.asarray(v, jnp.float64) for v in ends[:2]), ends[2:], blocks
+    """The results, and the note; `ends`: the bounds, then breaks; `bends`: base, scale, and three coefficients a bend, or nothing;
+    `blocks`: the flags or None, the body, and what they have in common (`in_common`) if there is such."""
+    (lo, hi), breaks, (flags, body, *common) = (jnp.asarray(v, jnp.float64) for v in ends[:2]), ends[2:], blocks
     bounds = jnp.stack([lo, hi])
     broken = jnp.any(jnp.isnan(bounds) if pieces.infinite else ~jnp.isfinite(bounds))
     inner = rules.ends_of_pieces(jnp, lo, hi, [entries.stacked(breaks)] if breaks else [])
@@ -155,13 +155,15 @@ def integrate(
 
     def piece(p: Scalar, q: Scalar, *neighbours: Scalar) -> tuple[Any, Note]:
         active = when & ~broken & rules.is_wide(jnp, p, q)
-        need, counts, flagged, note = True, (), (), jnp.int32(0)
-        if flags is not None:
+        need, counts, flagged, note, late = True, (), (), jnp.int32(0), None
+        if common:
+            late = Late(common[0], flags, (inside(jnp, p, q, INSIDE, pieces.infinite, scale), p, q))
+        elif flags is not None:
             need, counts, flagged, note = flags(inside(jnp, p, q, INSIDE, pieces.infinite, scale), p, q)
         bent = [(kind, *coefficients[3 * i : 3 * i + 3], counts[i]) for i, kind in enumerate(pieces.kinds)]
         of_bends = Bends(base, bent)
         places = substitution(JAX, (p, q), of_bends, pieces.cubic, pieces.infinite, scale)
-        sums, note_body = rule(OnPiece(places, body, flagged, neighbours), of_bends, active & need)
+        sums, note_body = rule(OnPiece(places, body, flagged, neighbours, late), of_bends, active & need)
         return sums, where(active, note) | note_body
 
     if len(breaks) < MANY:
@@ -192,17 +194,53 @@ def _one_by_one(piece: Callable[..., tuple[Any, Note]], ends: tuple[Any, ...], a
     return sums, note
 
 
+class Late(NamedTuple):
+    """Flags of a piece that are computed with the values at nodes: what they have in `common` with the body, the flags, and where they are
+    computed, the middle of the piece and its ends."""
+
+    common: Callable[[Scalar], tuple[tuple[Scalar, ...], Note]]
+    flags: Block
+    at: tuple[Scalar, Scalar, Scalar]
+
+
 class OnPiece(NamedTuple):
     """One piece of an integral, by its substitution: the body gives the values at a place, (results,), and the note; the flags of the
-    piece; whether it has neighbours at its first and at its last end, if it may have any."""
+    piece; whether it has neighbours at its first and at its last end, if it may have any; flags that are computed late."""
 
     places: Substitution
-    body: Body
+    body: Block
     flagged: tuple[Scalar, ...]
     neighbours: tuple[Scalar, ...] = ()
+    late: Late | None = None
 
-    def at(self, x: Scalar) -> tuple[Any, Any]:
-        return vector(self.body(x, self.flagged))
+    def at(self, x: Any, active: Scalar = True) -> tuple[Any, Any]:
+        """The values at places, (places, results), and the notes, (places,); at NaN, where loops end at once, if they are not asked for."""
+        late = self.late
+        if late is None:
+            found: tuple[Any, Any] = jax.vmap(lambda v: vector(self.body(v, self.flagged)))(_where_active(active, x))
+            return found
+        middle, *ends = late.at
+        places = _where_active(active, jnp.concatenate([x, middle[None]]))
+        several: tuple[bool, ...] = ()
+
+        def common(v: Any) -> tuple[list[Any], Any]:
+            nonlocal several
+            values, note = late.common(v)
+            arrays, several = entries.parts(values)
+            return arrays, jnp.asarray(note, jnp.int32)
+
+        arrays, notes = jax.vmap(common)(places)
+        *_, flagged, note = late.flags(places[-1], *ends, entries.of_parts([v[-1] for v in arrays], several))
+
+        def body(v: Any, *own: Any) -> tuple[Any, Any]:
+            return vector(self.body(v, flagged, entries.of_parts(own, several)))
+
+        values, noted = jax.vmap(body)(places[:-1], *(v[:-1] for v in arrays))
+        return values, noted | notes[:-1] | notes[-1] | jnp.asarray(note, jnp.int32)
+
+
+def _where_active(active: Scalar, x: Any) -> Any:
+    return x if active is True else jnp.where(active, x, jnp.nan)
 
 
 def vector(block: tuple[tuple[Scalar, ...], Note]) -> tuple[Any, Any]:
@@ -215,7 +253,7 @@ def _gauss(pieces: Pieces, nodes: int, piece: OnPiece, _: Bends, active: Scalar)
     """The integrals over one piece and their estimates, (results,), and the note."""
     places, (at, weights) = piece.places, map(jnp.float64, gauss_legendre(nodes))
     half = 0.5 * (places.q - places.p)
-    found, notes = jax.vmap(piece.at)(0.5 * (places.p + places.q) + half * at)
+    found, notes = piece.at(0.5 * (places.p + places.q) + half * at)
     sums = half * jnp.sum(weights[:, None] * found, axis=0)
     if pieces.estimated:
         size = half * jnp.sum(weights[:, None] * jnp.abs(found[:, : pieces.tested]), axis=0)
@@ -232,7 +270,7 @@ def _midpoint(pieces: Pieces, points: int, zero: Scalar, piece: OnPiece, _: Bend
         sums, errors, last, note = carried
         k = start + jnp.arange(chunk)
         there = active & (k < points)
-        found, notes = jax.vmap(piece.at)(p + ((q - p) * ((jnp.minimum(k, points - 1) + 0.5) / points) + zero))
+        found, notes = piece.at(p + ((q - p) * ((jnp.minimum(k, points - 1) + 0.5) / points) + zero))
         steps = jnp.abs(found[:, :tested] - jnp.concatenate([last[None], found[:-1, :tested]]))
         steps = jnp.where((k > 0)[:, None], steps, 0.0) + ROUNDING * jnp.abs(found[:, :tested])
         total, error = (jnp.sum(jnp.where(there[:, None], v, 0.0), axis=0) for v in (found, steps))

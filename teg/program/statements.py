@@ -186,7 +186,7 @@ class Isolate:
     curving: Annotated[tuple[Arg, Arg], Operand(at="enclosure")] = (-math.inf, math.inf)
     noise: Annotated[Arg, Operand(at="enclosure")] = 0.0
     curvature: Annotated[Arg, Operand(at="point")] = math.nan
-    tol: float = math.inf
+    tol: Annotated[float, NUMBER] = math.inf
     width: int = ISOLATE_WIDTH
     errors: Annotated[tuple[str, ...], Result(each=True, absent=math.inf)] = ()
     soft: bool = False
@@ -264,12 +264,12 @@ class Sample:
 
 @dataclass(frozen=True, slots=True)
 class HalfPlane:
-    """c + a·u + b·v > 0, or >= 0 if it is closed."""
+    """c + a·u + b·v > 0, or >= 0 if it is closed, which is True or False here, and a name only in rows of statements."""
 
     a: Annotated[Arg, NUMBER]
     b: Annotated[Arg, NUMBER]
     c: Annotated[Arg, NUMBER]
-    closed: bool = False
+    closed: Annotated[bool, CONDITION] = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -317,7 +317,7 @@ class HalfSpace:
 
     slopes: Annotated[tuple[Arg, ...], NUMBER]
     offset: Annotated[Arg, NUMBER]
-    closed: bool = False
+    closed: Annotated[bool, CONDITION] = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -354,7 +354,7 @@ class HalfLine:
 
     first: Annotated[Arg, Operand(at="setup")]
     last: Annotated[Arg, Operand(at="setup")]
-    closed: bool = False
+    closed: Annotated[bool, Operand("condition", at="setup")] = False
     k: int | None = None
     resolution: Annotated[Arg, Operand("condition", at="setup")] = True
     size: Annotated[Arg, Operand(at="setup")] = 0.0

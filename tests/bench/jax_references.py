@@ -7,7 +7,8 @@ where there is no compiler), and in single precision, with JAX's 64-bit mode off
 are relative to max(1, |exact|). A reference's own tolerance holds for double precision, 1e-4 for single; exit 1 where one is missed.
 
 Printed too: the seconds until the first value and gradient (tracing and compiling, without JAX's cache on disk), and which programs need
-more than FIRST. Two programs without references stand behind them, in `PROGRAMS`: a probit in two variables, and the auction.
+more than FIRST. Some programs without references stand behind them, in `PROGRAMS`: a probit in two variables, the auction, the field of a
+plate with a pole in it, the distance from a box, a flower, and a pinwheel.
 """
 
 from __future__ import annotations
@@ -53,9 +54,33 @@ def probit() -> teg.Expr:
     return teg.integral(teg.bracket(a * x + y < t) * bell, (x, -math.inf, math.inf), (y, -math.inf, math.inf))
 
 
+def about_a_centre(kind: str) -> teg.Expr:
+    """An integral over the unit square of what is seen from the point (a, b)."""
+    x, y = teg.vars("x y")
+    a, b, t = teg.params("a b t")
+    u, v = x - a, y - b
+    angle = teg.atan2(v, u)
+    match kind:
+        case "field":
+            body = v / (u * u + v * v)
+        case "box":
+            outside = [teg.maximum(teg.abs(d) - half, 0) for d, half in ((u, 0.2), (v, 0.1))]
+            body = teg.bracket(teg.sqrt(outside[0] ** 2 + outside[1] ** 2) < t)
+        case "flower":
+            body = teg.bracket(teg.sqrt(u * u + v * v) < 0.4 + t * teg.sin(3 * angle))
+        case _:
+            body = x * teg.bracket(teg.mod(angle, 1.0) < t)
+    return teg.integral(body, (x, 0, 1), (y, 0, 1))
+
+
+CENTRE = {"a": 0.4, "b": 0.3}
 PROGRAMS = (
     Problem("probit", probit, {"t": 0.3, "a": 1.2}, {}, 1e-8),
     Problem("auction", lambda: revenue(3, Values()), {"r": 0.4}, {}, 1e-11),
+    Problem("field", lambda: about_a_centre("field"), CENTRE, {}, 1e-8),
+    Problem("box", lambda: about_a_centre("box"), {**CENTRE, "t": 0.15}, {}, 1e-11),
+    Problem("flower", lambda: about_a_centre("flower"), {**CENTRE, "t": 0.1}, {}, 1e-8),
+    Problem("pinwheel", lambda: about_a_centre("pinwheel"), {**CENTRE, "t": 0.3}, {}, 1e-11),
 )
 
 

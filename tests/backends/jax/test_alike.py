@@ -12,7 +12,8 @@ import teg
 from teg.backends.jax.alike import Rows, with_rows
 from teg.backends.jax.kernel import compile_jax
 from teg.backends.numpy.kernel import compile_numpy
-from teg.program import Gauss, Integrate, Program, Stmt
+from teg.program import Ellipse, Gauss, HalfPlane, Integrate, Isolate, Moments, Program, Stmt, Tie
+from tests.backends.isolate_surfaces import cubic, isolate
 from tests.backends.programs import let
 from tests.backends.programs import program as program_of
 
@@ -161,18 +162,29 @@ def test_variables_are_selected_where_they_are_known() -> None:
 
 
 @pytest.mark.usefixtures("x64")
-def test_ties_are_not_computed_for_other_rows() -> None:
-    """The note of a tie would be that of a row which has none."""
+@pytest.mark.parametrize("scale", [1.0, "p0"], ids=["a number", "a name"])
+def test_ties_are_met_by_their_own_row_only(scale: Any) -> None:
+    """The mean of both orders where a node of the second integral is on p1, and one where only the first one has one on its border."""
 
     def text(k: int, x: str, condition: Stmt) -> tuple[Stmt, ...]:
         powers = [let(f"v{k + i}", "mul", f"v{k + i - 1}" if i else x, x) for i in range(8)]
         return (condition, *powers, let(f"v{k + 8}", "select", f"b{k}", f"v{k + 7}", 0.0), let(f"v{k + 9}", "exp", f"v{k + 8}"))
 
-    compared = [(*text(k, x, let(f"b{k}", "gt", x, c)), f"v{k + 9}") for k, x, c in ((10, "x0", 0.5), (30, "x1", 0.7))]
-    tied = (*text(30, "x1", let("b30", "tie", "x1", 1.0, True, 0)), "v39")
-    for second, expected in ((compared[1], 1), (tied, 0)):
-        p = program(2, *(integral(r, x, t[:-1], t[-1]) for r, x, t in (("va", "x0", compared[0]), ("vb", "x1", second))), "va", "vb")
-        assert len(rows_of(p)) == expected
+    middle = 0.5 + 0.5 * float(np.polynomial.legendre.leggauss(4)[0][2])
+    compared = (let("v9", "sub", "x0", 2.0 * middle), *text(10, "x0", let("b10", "gt0", "v9")))
+    tied = (let("v29", "sub", "x1", "p1"), *text(30, "x1", let("b30", "tie", "v29", scale, True, 0)))
+    p = replace(
+        program(2, integral("va", "x0", compared, "v19", hi=2.0), integral("vb", "x1", tied, "v39"), "va", "vb"), ties=(Tie(("x1", "p1")),)
+    )
+    assert len(rows_of(p)) == 1
+    at = [np.array([1.0, 1.0]), np.array([middle, 0.5])]
+    np.testing.assert_allclose(compile_jax(p)(at, 2), compile_numpy(p)(at, 2), rtol=1e-14)
+    assert [_notes(p, 1.0, v) for v in (middle, 0.5)] == [1, 0]
+
+
+def _notes(p: Program, *at: float) -> int:
+    """Whether a tie was met at parameters."""
+    return int(compile_jax(p).run(*at)[1]) & 1
 
 
 @pytest.mark.usefixtures("x64")
@@ -200,6 +212,33 @@ def test_rows_of_integrals_in_integrals() -> None:
     (rows,) = rows_of(p)
     assert rows.rows == (("p0", "p1"),)
     agree(p, [0.5, 0.1], [1.5, 2.5])
+
+
+@pytest.mark.usefixtures("x64")
+def test_open_and_closed_half_planes_are_rows() -> None:
+    """Ellipses clipped by lines through corners of the box, where it matters which of them are closed."""
+
+    def clipped(result: str, r: str, closed: bool) -> Ellipse:
+        planes = HalfPlane(1.0, 1.0, -1.0, closed), HalfPlane(0.0, "p1", 0.0, not closed)
+        return Ellipse((1.0, 0.0, 0.0, 1.0), (0.5, 0.5, r, 1.0, 1.0, 0.0), (Moments("above", ((0, 0, 1.0),)),), (result,), None, planes)
+
+    p = program(2, clipped("va", "p0", False), clipped("vb", 0.25, True), let("vc", "sub", "va", "vb"), "va", "vb", "vc")
+    (rows,) = rows_of(p)
+    assert set(rows.rows) == {("p0", 0.25), (False, True), (True, False)}
+    agree(p, [0.4, 0.3, 0.2], [1.0, 0.0, -1.0])
+
+
+@pytest.mark.usefixtures("x64")
+def test_searches_with_other_tolerances_are_rows() -> None:
+    """Each keeps its own: which tolerances are missed stays the same."""
+
+    def search(result: str, p: str, tol: float, soft: bool) -> Isolate:
+        return replace(isolate(result, cubic(p), 0.25, 4.0), tol=tol, soft=soft)
+
+    p = program(2, search("va", "p0", 1e-7, True), search("vb", "p1", 1e-10, False), "va", "vb")
+    (rows,) = rows_of(p)
+    assert set(rows.rows) == {("p0", "p1"), (1e-7, 1e-10)}
+    agree(p, [1.0, 2.25], [4.0, 0.5])
 
 
 @pytest.mark.slow

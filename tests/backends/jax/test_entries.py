@@ -47,6 +47,18 @@ def test_neighbours_are_a_slice_and_others_stand_between() -> None:
     np.testing.assert_array_equal(many, [[3.0, 5.0, 1.5, 4.0, 11.0, 7.0], [-3.0, -5.0, 2.5, 4.0, -11.0, -7.0]])
 
 
+def test_numbers_that_stand_together_are_parts_of_arrays() -> None:
+    def again(array: Any, other: Any) -> Any:
+        a = entries.entries(array)
+        arrays, several = entries.parts((a[1], a[2], other, a[0], True))
+        assert several == (True, False, True, False)
+        numbers = entries.of_parts(arrays, several)
+        assert entries.entry(numbers[1]).place == 1  # type: ignore[union-attr]
+        return jnp.stack([jnp.asarray(v, float) for v in numbers])
+
+    np.testing.assert_array_equal(again(jnp.asarray(NUMBERS), jnp.asarray(1.5)), [3.0, 5.0, 1.5, 2.0, 1.0])
+
+
 def test_columns_from_one_array_are_read_together() -> None:
     def function(array: Any, other: Any) -> Any:
         a = entries.entries(array)

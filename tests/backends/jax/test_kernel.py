@@ -5,6 +5,7 @@ from __future__ import annotations
 import pickle
 import subprocess
 import sys
+from typing import Any
 
 import numpy as np
 import pytest
@@ -131,3 +132,26 @@ def test_many_pieces_are_visited_one_after_the_other() -> None:
     at = [np.array([0.02, 0.1, 3.0, np.nan])]
     kernel = compile_jax(program)
     np.testing.assert_allclose(kernel(at, 4), compile_numpy(program)(at, 4), rtol=1e-13)
+
+
+@pytest.mark.usefixtures("x64")
+def test_pieces_at_their_end_are_looked_at_nowhere() -> None:
+    """Of two pieces of which one takes more turns; loops inside end at once at NaN, and would search at other places."""
+    import jax
+    import jax.numpy as jnp
+
+    from teg.backends.jax import adaptive, runtime
+
+    seen: list[float] = []
+
+    def body(x: Any, _: Any) -> Any:
+        jax.debug.callback(lambda v: seen.append(float(v)), x)
+        return (jnp.where(x < 0.5, jnp.sqrt(x), x),), 0
+
+    (found,), _ = adaptive.integral(runtime.Pieces(1, 1), (1e-9, 1e-9, 10, 16, False), 0, (0.0, 1.0, 0.5), (), (None, body))
+    jax.effects_barrier()
+    assert float(found) == pytest.approx(2 / 3 * 0.5**1.5 + 0.375, rel=1e-8)
+    second = [x for x in seen if x > 0.5]
+    assert len(second) == 10
+    assert max(second) < 1.0
+    assert len([x for x in seen if x < 0.5]) > 10
