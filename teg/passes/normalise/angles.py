@@ -3,6 +3,7 @@
     r·cos(θ + s)   →   u·cos s - v·sin s         r = √(u² + v²), θ = atan2(v, u)
     r·sin(θ + s)   →   v·cos s + u·sin s
     sin(θ + s) > 0  ⇔  v·cos s + u·sin s > 0
+    r < c/cos(θ + s)   ⇔   (c - u·cos s + v·sin s)·(u·cos s - v·sin s) > 0
 
 s is anything: a parameter, or the step that turns θ into a sector, θ - p·floor(θ/p + ½). So the sides of a regular polygon are lines in
 each sector, where r·cos(mod(θ, p) - p/2) has no formula for its zeros. A visit a node.
@@ -17,7 +18,8 @@ from teg.analysis.staircase import with_floors
 from teg.ir.expr import MINUS_ONE, ONE, Add, Call, Compare, Const, Expr, Mul, Pow, Where
 from teg.ir.node import Node, postorder
 from teg.ir.simplify import add, call, integer_power, mul, positive, sub, where
-from teg.ir.traverse import rebuild
+from teg.ir.traverse import rebuild, rewrite
+from teg.passes.normalise.denominators import cleared, has_variable_denominator
 
 Direction = tuple[Expr, Expr, Expr]
 """v, u and s of the angle atan2(v, u) + s."""
@@ -36,8 +38,8 @@ def with_lines_of_angles(root: Expr) -> Expr:
             turned.add(node)
             if isinstance(result, Mul):
                 result = _without_radius(result)
-            elif isinstance(result, Compare):
-                result = _side_of_line(result)
+            elif isinstance(result, Compare) and result.resolution is None:
+                result = positive(_signed(result.g), result.strict)
         new[node] = result
     return cast(Expr, new[root])
 
@@ -78,11 +80,16 @@ def _wave_times_radius(e: Expr, radius: Call) -> Expr | None:
     return mul(number, _line(cast(Call, wave), direction))
 
 
-def _side_of_line(atom: Compare) -> Node:
-    """Returns the sign of a wave as the side of a line."""
-    number, wave = _with_number(atom.g)
-    direction = _direction(wave) if atom.resolution is None else None
-    return atom if direction is None else positive(mul(number, _line(cast(Call, wave), direction)), atom.strict)
+def _signed(g: Expr) -> Expr:
+    """Returns a function of the same sign, with lines in place of waves that are factors of it, or of what it is divided by."""
+    if has_variable_denominator(g):
+        numerator, denominator = cleared(g)
+        lines = rewrite([numerator], lambda _, new: _without_radius(new) if isinstance(new, Mul) else new)[numerator]
+        if lines is not numerator:
+            g = mul(cast(Expr, lines), denominator)
+    factors = g.children if isinstance(g, Mul) else (g,)
+    signs = [f if (direction := _direction(f)) is None else _line(cast(Call, f), direction) for f in factors]
+    return g if tuple(signs) == tuple(factors) else mul(*signs)
 
 
 def _with_number(e: Expr) -> tuple[Expr, Expr]:

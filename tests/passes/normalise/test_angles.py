@@ -63,9 +63,14 @@ def test_a_regular_polygon_that_the_square_cuts(n: int, backend: Any, x64_for_ja
             assert gradient[name] == pytest.approx((8 * near - far) / 12e-3, rel=1e-5, abs=1e-5), (name, at)
 
 
-def test_a_pentagon_to_all_digits() -> None:
+@pytest.mark.parametrize(
+    "inside",
+    [r * teg.cos(sector(5)) < t, r < t / teg.cos(sector(5)), teg.cos(sector(5)) < t / r, (r * teg.cos(sector(5))) ** 2 < t**2],
+    ids=["side", "polar", "quotient", "square"],
+)
+def test_a_pentagon_to_all_digits(inside: teg.Cond) -> None:
     """Area 5·tan(π/5)·t²: its gradient was off by 2e-8, with less than that as its estimate, and took a minute."""
-    f = teg.compile(teg.integral(teg.bracket(r * teg.cos(sector(5)) < t), *SQUARE), [a, c, t], backend="numpy")
+    f = teg.compile(teg.integral(teg.bracket(inside), *SQUARE), [a, c, t], backend="numpy")
     value, gradient = f.value_and_grad(a=0.1, b=0.05, c=0.2, t=0.5)
     area = 5 * math.tan(math.pi / 5) * 0.25
     assert value == pytest.approx(area, rel=1e-13)
