@@ -246,7 +246,7 @@ class Printer(Routines):
         inside = [
             *frame.opening(),
             "double f[10] = {0.0};",
-            *isolation(frame.block(0), frame.block(1), (spell(stmt.lo), spell(stmt.hi)), stmt),
+            *isolation(frame.block(0), frame.block(1), (spell(stmt.lo), spell(stmt.hi), spell(stmt.tol)), stmt),
         ]
         return self.routine("roots", frame, heading(frame, "root", len(assigned(stmt))), inside), tuple(captured)
 

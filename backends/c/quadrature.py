@@ -352,15 +352,16 @@ def _searched(guard: GuardText, place: Sequence[str], tested: int, above: str, t
     ]
 
 
-def isolation(enclosure: Sequence[str], point: Sequence[str], bounds: tuple[str, str], stmt: Isolate) -> list[str]:
-    """Write the roots between `bounds` to `root`, and behind them their errors, if the statement has them: `point` writes g, g' and g" at x
-    to `f`, `enclosure` what is known over (left, right) to `f + 3`.
+def isolation(enclosure: Sequence[str], point: Sequence[str], search: tuple[str, str, str], stmt: Isolate) -> list[str]:
+    """Write the roots of a `search`, which has two bounds and a tolerance, to `root`, and behind them their errors, if the statement has
+    them: `point` writes g, g' and g" at x to `f`, `enclosure` what is known over (left, right) to `f + 3`.
 
     A box that its bounds alone clear spares the run of `point`.
     """
     count, single = len(stmt.results), len(assigned(stmt)) == 1
     errors = f"root + {count}" if stmt.errors else "NULL"
-    given = f"{bounds[0]}, {bounds[1]}, root, {errors}, {count}, {stmt.width}, {literal(stmt.tol)}"
+    lo, hi, tol = search
+    given = f"{lo}, {hi}, root, {errors}, {count}, {stmt.width}, {tol}"
     return [
         *(["double root[1];"] if single else []),
         "teg_isolation search;",
