@@ -190,7 +190,11 @@ MUTANTS: tuple[Mutant, ...] = (
             "disjunction(conjunction(plus, below), conjunction(minus, above)),",
             "disjunction(conjunction(plus, below), conjunction(minus, below)),",
         ),
-        ("sign of a surface's form", "return representative, sign > 0", "return representative, True"),
+    ),
+    *mutants(
+        "teg/analysis/proportional.py",
+        ("tests/passes/normalise/test_canonicalise.py", *PASSES),
+        ("sign of a surface's form", "return known, sign > 0", "return known, True"),
     ),
     *mutants(
         "teg/passes/lower/rounding.py",
