@@ -9,7 +9,8 @@ from teg.program import LOCATE_HALVINGS
 
 class Examined(NamedTuple):
     """The result of examining boxes: where the function is monotone, where it has at most one turning point, and where it is undecided.
-    These are false where there is no root. `blurred` says where noise is as large as the terms of its Taylor polynomial."""
+    These are false where there is no root. `blurred` says where noise is as large as the terms of its Taylor polynomial, or, where the
+    signs at the ends are the same, as the first one and its remainder."""
 
     monotone: Any
     bent: Any
@@ -31,17 +32,17 @@ def examined(xp: Any, bounds: Any, middle: tuple[Any, Any], h: Any, ends: Ends) 
     g and its slope in the `middle`."""
     (g, slope), (changes, known, sloped) = middle, ends
     least, most, slowest, fastest, bent_down, bent_up, noise = bounds
-    reach = h * xp.maximum(xp.abs(slowest), xp.abs(fastest))
     bounded = xp.isfinite(slowest) & xp.isfinite(fastest)
-    away = (least > 0.0) | (most < 0.0) | (bounded & ((g - reach > 0.0) | (g + reach < 0.0)))
+    reach = xp.where(bounded, h * xp.maximum(xp.abs(slowest), xp.abs(fastest)), xp.inf)
+    away = (least > 0.0) | (most < 0.0) | (xp.abs(g) - reach > xp.where(xp.isfinite(noise), noise, 0.0))
     away = away | (xp.isnan(least) & xp.isnan(most) & xp.isnan(g))
     open_ = (changes | ~away) & ~((slowest == 0.0) & (fastest == 0.0))
     below, above, down, up = least == -xp.inf, most == xp.inf, slowest == -xp.inf, fastest == xp.inf
     monotone = open_ & ((slowest > 0.0) | (fastest < 0.0)) & known & ~(below & above & (down | up))
     bent = open_ & ~monotone & ((bent_down > 0.0) | (bent_up < 0.0)) & known & sloped & ~((below | above) & down & up)
     bend = xp.maximum(xp.abs(bent_down), xp.abs(bent_up))
-    blurred = (xp.abs(g) + h * xp.abs(slope) + 0.5 * h * h * bend <= noise) & xp.isfinite(noise)
-    return Examined(monotone, bent, open_ & ~monotone & ~bent, blurred)
+    blurred = (xp.abs(g) + h * xp.abs(slope) + 0.5 * h * h * bend <= noise) | (~changes & (xp.abs(g) + reach <= noise))
+    return Examined(monotone, bent, open_ & ~monotone & ~bent, blurred & xp.isfinite(noise))
 
 
 def touches(xp: Any, g: Any, curvature: Any, noise: Any) -> tuple[Any, Any]:

@@ -299,3 +299,17 @@ def test_pieces_of_a_spline_meet_at_its_knot() -> None:
         assert value == pytest.approx(0.45 - 1 / 64, rel=1e-13)
         assert error < 1e-10
         assert f.grad(a=0.2, b=0.5, c=-1.0) == pytest.approx({"a": 1, "b": 0.5, "c": 1 / 64}, rel=1e-12)
+
+
+@pytest.mark.parametrize("backend", ["numpy", "c"])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_surfaces_that_touch_from_either_side(sign: int, backend: str) -> None:
+    """The part of a disk under t·x + b·y + √(a - r²)/2 = 0, half of an ellipse that touches the circle twice. Where the function that is 0
+    there was at most 0, both zeros were lost, and the value was off by 4e-4, without a warning."""
+    t, a, b = teg.params("t a b")
+    square = x * x + y * y
+    inside = square - a < 0 if sign > 0 else square < a
+    e = teg.integral(teg.bracket(inside & (t * x + b * y + 0.5 * teg.sqrt(a - square) > 0)), (x, -1, 1), (y, -1, 1))
+    at = {"t": 0.857891202400034, "b": 0.7128011327935113, "a": 0.9432422336516113}
+    slope = 1 + 4 * (at["t"] ** 2 + at["b"] ** 2)
+    assert teg.compile(e, [], backend=backend)(at) == pytest.approx(math.pi * at["a"] / 2 * (1 + slope**-0.5), rel=1e-12)

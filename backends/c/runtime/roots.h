@@ -174,14 +174,20 @@ static inline int teg_is_clear(const teg_box *box, const double *bounds)
     return teg_is_bent(box, bounds) && !(teg_turns(box) && box->left == (bounds[4] > 0.0));
 }
 
-//: teg_is_empty
-/* Whether a box has no root, by the bounds over it and g in its middle: the mean value theorem, or g is not defined. */
-static inline int teg_is_empty(const teg_box *box, double g, const double *bounds)
+//: teg_reach
+/* How far g is from its value in the middle of a box, at most; infinity where its slope has no bounds. */
+static inline double teg_reach(const teg_box *box, const double *bounds)
 {
     const double left = fabs(bounds[2]), right = fabs(bounds[3]);
-    const double reach = 0.5 * (box->to - box->from) * (left > right ? left : right);
+    return isfinite(left) && isfinite(right) ? 0.5 * (box->to - box->from) * (left > right ? left : right) : INFINITY;
+}
+
+//: teg_is_empty
+/* Whether a box has no root, by the bounds and the noise over it and g in its middle: the mean value theorem, or g is not defined. */
+static inline int teg_is_empty(const teg_box *box, double g, const double *bounds)
+{
     if (teg_changes(box)) return 0;
-    if (isfinite(left) && isfinite(right) && (g - reach > 0.0 || g + reach < 0.0)) return 1;
+    if (fabs(g) - teg_reach(box, bounds) > (isfinite(bounds[6]) ? bounds[6] : 0.0)) return 1;
     return isnan(bounds[0]) && isnan(bounds[1]) && isnan(g);
 }
 
@@ -190,7 +196,8 @@ static inline int teg_is_empty(const teg_box *box, double g, const double *bound
 static inline int teg_is_blurred(const teg_box *box, const double *f)
 {
     const double h = 0.5 * (box->to - box->from), down = fabs(f[7]), up = fabs(f[8]);
-    return fabs(f[0]) + h * fabs(f[1]) + 0.5 * h * h * (down > up ? down : up) <= f[9] && isfinite(f[9]);
+    const int blurred = fabs(f[0]) + h * fabs(f[1]) + 0.5 * h * h * (down > up ? down : up) <= f[9];
+    return (blurred || (!teg_changes(box) && fabs(f[0]) + teg_reach(box, f + 3) <= f[9])) && isfinite(f[9]);
 }
 
 //: teg_step

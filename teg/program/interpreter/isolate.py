@@ -86,10 +86,9 @@ class _Search:
         g, slope, _ = self._at(m)
         if slowest == 0.0 and fastest == 0.0:
             return []
+        reach = h * max(abs(slowest), abs(fastest)) if math.isfinite(slowest) and math.isfinite(fastest) else math.inf
         if not box.changes:
-            reach = h * max(abs(slowest), abs(fastest))
-            bounded = math.isfinite(slowest) and math.isfinite(fastest)
-            if least > 0.0 or most < 0.0 or (bounded and (g - reach > 0.0 or g + reach < 0.0)):
+            if least > 0.0 or most < 0.0 or abs(g) - reach > (noise if math.isfinite(noise) else 0.0):
                 return []
             if math.isnan(least) and math.isnan(most) and math.isnan(g):
                 return []
@@ -104,7 +103,8 @@ class _Search:
                 self._turned(box)
             return []
         bend = largest(abs(bent_down), abs(bent_up))
-        if last or (abs(g) + h * abs(slope) + 0.5 * h * h * bend <= noise and math.isfinite(noise)):
+        blurred = abs(g) + h * abs(slope) + 0.5 * h * h * bend <= noise or (not box.changes and abs(g) + reach <= noise)
+        if last or (blurred and math.isfinite(noise)):
             self.undecided.append(box)
             return []
         if not box.p < m < box.q:
