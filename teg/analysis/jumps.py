@@ -23,11 +23,11 @@ from teg.analysis.polynomial import Point
 from teg.analysis.singularities import fades_at
 from teg.ir import expr as ex
 from teg.ir import simplify
-from teg.ir.expr import FALSE, TRUE, ZERO, Add, And, Call, Compare, Cond, Const, Expr, Mul, Not, Or, Tuple, Where
+from teg.ir.expr import FALSE, TRUE, ZERO, Add, And, Call, Compare, Cond, Const, Expr, Mul, Not, Or, Pow, Tuple, Where
 from teg.ir.integral import Integral, integral_over
 from teg.ir.node import Node, postorder
 from teg.ir.simplify import add, conjunction, disjunction, mul, negation, sub, where
-from teg.ir.traverse import rebuild, replace_node
+from teg.ir.traverse import rebuild, replace_node, rewrite
 
 MOST_ALTERNATIVES = 16
 """The largest number of alternatives with one surface that are compared with each other."""
@@ -203,5 +203,24 @@ def surface_terms(body: Expr, surfaces: list[Expr]) -> list[tuple[Expr, Expr]]:
     for g in surfaces:
         j = Poles(g).without_decaying(jump(body, g))
         if j is not ZERO and not vanishes_on(j, g) and not fades_at(j, g):
-            terms.append((g, j))
+            terms.append((g, _at_edges(j, g)))
     return terms
+
+
+def _at_edges(e: Expr, surface: Expr) -> Expr:
+    """Returns an expression that is equal on a surface, with 0 for the roots and powers of it that are 0 there, and for its products with
+    its logarithm: at a root of the surface that is found to rounding they are not numbers."""
+    order = postorder([e])
+    divisors = set(postorder([n for n in order if isinstance(n, Pow) and n.exponent < 0]))
+    zeros = {n for n in order if n not in divisors and _fades(n, surface)}
+    return cast(Expr, rewrite([e], lambda old, new: ZERO if old in zeros else new)[e]) if zeros else e
+
+
+def _fades(e: Node, surface: Expr) -> bool:
+    """Returns whether a root, a power or a product is written as 0 where u is, on an edge of what it is defined for: √u, u^a, u·log u."""
+    if isinstance(e, Call) and e.name in ("sqrt", "pow") and e.children[0] is surface:
+        return e.name == "sqrt" or (isinstance(e.children[1], Const) and e.children[1].data > 0.0)
+    if not isinstance(e, Mul) or not any(isinstance(f, Call) and f.name == "log" and f.children[0] is surface for f in e.children):
+        return False
+    bases = [f.base for f in e.children if isinstance(f, Pow) and f.exponent > 0]
+    return surface in e.children or surface in bases

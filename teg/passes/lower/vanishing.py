@@ -1,8 +1,8 @@
-"""Products 0·∞ whose limit is 0: exp(-1/u²)/u⁴ where u is 0 or nearly so, and exp(-x²/2)·√(1 + exp x) far away.
+"""Products 0·∞ whose limit is 0: exp(-1/u²)/u⁴ where u is 0 or nearly so, u·log u, and exp(-x²/2)·√(1 + exp x) far away.
 
 The exponential is 0 long before the other factor is infinite, so a product is its vanishing factor wherever that is 0. Derivatives of
 smooth bumps, exp(-1/(1 - x²)) on |x| < 1, are such products beside the bump's border; payoffs of prices exp(s·x) under a normal density are
-such products in its tails. Linear for bumps, linear in the nodes of a product for Gaussians.
+such products in its tails. A node beside the border of u·log u may be on it to rounding. Linear for bumps, linear in the nodes of a product for Gaussians.
 """
 
 from __future__ import annotations
@@ -125,7 +125,10 @@ class Vanishing:
         """Returns the product of the factors of e that may vanish faster than others grow; None if there are none."""
         small = [f for f in e.children if stands_in(f, self._decays, self._fallen, formed_of)]
         others = [f for f in e.children if f not in small or len(small) > 1]
-        return mul(*small) if 0 < len(small) < len(e.children) and any(map(self._has_pole, others)) else None
+        if 0 < len(small) < len(e.children) and any(map(self._has_pole, others)):
+            return mul(*small)
+        sums = {f.children[0] for f in e.children if isinstance(f, Call) and f.name == "log" and isinstance(f.children[0], Add) and f.free}
+        return next((f for f in e.children if _base(f) in sums), None)
 
     def _decays(self, node: Expr) -> bool:
         """Returns whether a node is an exponential of what tends to -∞ at a pole."""
@@ -138,3 +141,16 @@ class Vanishing:
 def _is_pole(node: Expr) -> bool:
     """Returns whether a node is a negative power of what depends on variables."""
     return isinstance(node, Pow) and node.exponent < 0 and bool(node.free)
+
+
+def _base(f: Expr) -> Expr:
+    """Returns the u of a factor u, uᵏ or √u, which is 0 where u is; the factor itself for others."""
+    match f:
+        case Pow() if f.exponent > 0:
+            return f.base
+        case Call(name="sqrt", children=(Expr() as u,)):
+            return u
+        case Call(name="pow", children=(Expr() as u, Const() as k)) if k.data > 0.0:
+            return u
+        case _:
+            return f

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections.abc import Callable
 
 import mpmath
 import numpy as np
@@ -248,3 +249,38 @@ def test_exponentials_of_a_pole_that_are_all_of_a_product(name: str, backend: st
     }[name]
     found = teg.compile(teg.integral(e, (x, 0, 1)), [t], backend=backend).grad(t=0.37)["t"]
     assert found == pytest.approx(float(mpmath.quad(lambda s: slope(s + mpmath.mpf("0.37")), [0, 1])), rel=1e-11)
+
+
+def over_corners(second: Callable[[float], float], at: Callable[[float, float], float], box: tuple[float, float, float, float]) -> float:
+    """Returns ΣΣ ±G(u) over the corners of a box (x from, to, y from, to)."""
+    x0, x1, y0, y1 = box
+    return second(at(x1, y1)) - second(at(x0, y1)) - second(at(x1, y0)) + second(at(x0, y0))
+
+
+@pytest.mark.parametrize("backend", ["numpy", "c"])
+def test_a_logarithm_at_its_border(backend: str) -> None:
+    """u·log u where u > 0: some nodes of the inner integral are on u = 0 to rounding, and the value was NaN, with a warning."""
+    u = x + 2 * y - a
+    f = teg.compile(teg.integral(teg.where(u > 0, u * teg.log(u), 0), (x, 0, 2), (y, -0.5, 1)), [a], backend=backend)
+
+    def second(v: float) -> float:
+        return v**3 * (math.log(v) / 6 - 5 / 36) if v > 0 else 0.0
+
+    for at in (1.0314, 0.3, 0.71, 1.7, 2.2):
+        expected = over_corners(second, lambda px, py, at=at: px + 2 * py - at, (0, 2, -0.5, 1)) / 2  # type: ignore[misc]
+        assert f(a=at) == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("backend", ["numpy", "c"])
+def test_a_power_beside_a_constant(backend: str) -> None:
+    """u^1.5 where u > 0, else 1: on the line u = 0, found to rounding, the power was NaN in the gradient."""
+    b = teg.param("b")
+    u = x + a * y - b
+    f = teg.compile(teg.integral(teg.where(u > 0, u**1.5, 1), (x, 0, 1), (y, -1, 1)), [b], backend=backend)
+
+    def first(v: float) -> float:
+        return v**2.5 / 2.5 if v > 0 else v
+
+    for a_at, b_at in ((0.4, 0.35), (1.1, 0.72), (0.73, 0.41), (0.9, 0.13)):
+        slope = -over_corners(first, lambda px, py, at=(a_at, b_at): px + at[0] * py - at[1], (0, 1, -1, 1)) / a_at  # type: ignore[misc]
+        assert f.grad(a=a_at, b=b_at)["b"] == pytest.approx(slope, rel=1e-9, abs=1e-9)
