@@ -211,16 +211,19 @@ def _at_edges(e: Expr, surface: Expr) -> Expr:
     """Returns an expression that is equal on a surface, with 0 for the roots and powers of it that are 0 there, and for its products with
     its logarithm: at a root of the surface that is found to rounding they are not numbers."""
     order = postorder([e])
-    divisors = set(postorder([n for n in order if isinstance(n, Pow) and n.exponent < 0]))
-    zeros = {n for n in order if n not in divisors and _fades(n, surface)}
+    arguments = {n.children[0] for n in order if isinstance(n, Call) and n.name in ("sqrt", "pow", "log") and n.free}
+    edges = {u for u in arguments if u is surface or ZeroSet(surface).annuls(u)}
+    divisors = set(postorder([n for n in order if isinstance(n, Pow) and n.exponent < 0])) if edges else set()
+    zeros = {n for n in order if n not in divisors and _fades(n, edges)} if edges else set()
     return cast(Expr, rewrite([e], lambda old, new: ZERO if old in zeros else new)[e]) if zeros else e
 
 
-def _fades(e: Node, surface: Expr) -> bool:
-    """Returns whether a root, a power or a product is written as 0 where u is, on an edge of what it is defined for: √u, u^a, u·log u."""
-    if isinstance(e, Call) and e.name in ("sqrt", "pow") and e.children[0] is surface:
+def _fades(e: Node, edges: Collection[Expr]) -> bool:
+    """Returns whether a root, a power or a product is written as 0 at an edge of what it is defined for: √u, u^a, u·log u."""
+    if isinstance(e, Call) and e.name in ("sqrt", "pow") and e.children[0] in edges:
         return e.name == "sqrt" or (isinstance(e.children[1], Const) and e.children[1].data > 0.0)
-    if not isinstance(e, Mul) or not any(isinstance(f, Call) and f.name == "log" and f.children[0] is surface for f in e.children):
-        return False
-    bases = [f.base for f in e.children if isinstance(f, Pow) and f.exponent > 0]
-    return surface in e.children or surface in bases
+    logarithms = {f.children[0] for f in e.children if isinstance(f, Call) and f.name == "log"} if isinstance(e, Mul) else set()
+    return any(
+        u in edges and (u in e.children or any(isinstance(f, Pow) and f.exponent > 0 and f.base is u for f in e.children))
+        for u in logarithms
+    )

@@ -2,7 +2,8 @@
 
 The exponential is 0 long before the other factor is infinite, so a product is its vanishing factor wherever that is 0. Derivatives of
 smooth bumps, exp(-1/(1 - x²)) on |x| < 1, are such products beside the bump's border; payoffs of prices exp(s·x) under a normal density are
-such products in its tails. A node beside the border of u·log u may be on it to rounding. Linear for bumps, linear in the nodes of a product for Gaussians.
+such products in its tails. A node beside the border of u·log u may be on it to rounding.
+Linear for bumps, linear in the nodes of a product for Gaussians.
 """
 
 from __future__ import annotations
