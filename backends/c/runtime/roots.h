@@ -183,7 +183,7 @@ static inline double teg_reach(const teg_box *box, const double *bounds)
 }
 
 //: teg_is_empty
-/* Whether a box has no root, by the bounds and the noise over it and g in its middle: the mean value theorem, or g is not defined. */
+/* Whether a box has no root, by its bounds, its noise and g in its middle: the mean value theorem, or g is not defined. */
 static inline int teg_is_empty(const teg_box *box, double g, const double *bounds)
 {
     if (teg_changes(box)) return 0;
