@@ -135,8 +135,11 @@ def jump(e: Expr, surface: Expr) -> Expr:
 
 
 def _flips(order: Sequence[Node], surface: Expr) -> dict[Node, Flip]:
-    """Returns, of the conditions that contain the surface, where they begin to hold when it is crossed, and where they cease to; none of
-    those that are not made of atoms of the surface by alternatives that exclude each other, and by parts of which one contains it."""
+    """Returns for conditions that contain the surface where they begin to hold when it is crossed, and where they cease to hold.
+
+    Known for conditions that are made of atoms of the surface by negation, by `&` of which one part contains it, and by `|` of parts that
+    exclude each other.
+    """
     flips: dict[Node, Flip] = {}
     contains = set(order)
     for node in order:
@@ -208,22 +211,16 @@ def surface_terms(body: Expr, surfaces: list[Expr]) -> list[tuple[Expr, Expr]]:
 
 
 def _at_edges(e: Expr, surface: Expr) -> Expr:
-    """Returns an expression that is equal on a surface, with 0 for the roots and powers of it that are 0 there, and for its products with
-    its logarithm: at a root of the surface that is found to rounding they are not numbers."""
+    """Returns an expression that is equal on a surface, with 0 for its roots, powers, and products with logarithms that tend to 0 there:
+    where a root of the surface is found to rounding, they may be no numbers."""
     order = postorder([e])
-    arguments = {n.children[0] for n in order if isinstance(n, Call) and n.name in ("sqrt", "pow", "log") and n.free}
-    edges = {u for u in arguments if u is surface or ZeroSet(surface).annuls(u)}
-    divisors = set(postorder([n for n in order if isinstance(n, Pow) and n.exponent < 0])) if edges else set()
-    zeros = {n for n in order if n not in divisors and _fades(n, edges)} if edges else set()
+    may_fade = [
+        n for n in order if _is_root(n) or (isinstance(n, Mul) and any(isinstance(f, Call) and f.name == "log" for f in n.children))
+    ]
+    divisors = set(postorder([n for n in order if isinstance(n, Pow) and n.exponent < 0])) if may_fade else set()
+    zeros = {n for n in may_fade if n not in divisors and fades_at(cast(Expr, n), surface)}
     return cast(Expr, rewrite([e], lambda old, new: ZERO if old in zeros else new)[e]) if zeros else e
 
 
-def _fades(e: Node, edges: Collection[Expr]) -> bool:
-    """Returns whether a root, a power or a product is written as 0 at an edge of what it is defined for: √u, u^a, u·log u."""
-    if isinstance(e, Call) and e.name in ("sqrt", "pow") and e.children[0] in edges:
-        return e.name == "sqrt" or (isinstance(e.children[1], Const) and e.children[1].data > 0.0)
-    logarithms = {f.children[0] for f in e.children if isinstance(f, Call) and f.name == "log"} if isinstance(e, Mul) else set()
-    return any(
-        u in edges and (u in e.children or any(isinstance(f, Pow) and f.exponent > 0 and f.base is u for f in e.children))
-        for u in logarithms
-    )
+def _is_root(n: Node) -> bool:
+    return isinstance(n, Call) and n.name in ("sqrt", "pow")

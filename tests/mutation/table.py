@@ -45,7 +45,7 @@ MUTANTS: tuple[Mutant, ...] = (
     ),
     *mutants(
         "teg/analysis/jumps.py",
-        ("tests/analysis/test_jumps.py",),
+        ("tests/analysis/test_jumps.py", "tests/passes/lower/test_vanishing.py"),
         ("jump of a product", "before = mul(before, zero(c))", "before = mul(before, one(c))"),
         ("jump of a function", "jumps[node] = sub(at(one, node), at(zero, node))", "jumps[node] = sub(at(zero, node), at(one, node))"),
         ("jump of a condition", "jumps[node] = sub(where(c1, a1, b1), where(c0, a0, b0))", "jumps[node] = where(c1, a1, b1)"),
@@ -54,6 +54,7 @@ MUTANTS: tuple[Mutant, ...] = (
             "[negation(v) for v in node.children if v not in contains and not _exclude(c, v)]",
             "[]",
         ),
+        ("roots at their edge on a surface", "zeros = {n for n in may_fade if", "zeros = {n for n in may_fade[:0] if"),
         ("where a condition begins to hold", "flips[node] = flips[node.operand][::-1]", "flips[node] = flips[node.operand]"),
         ("jump of a branch", "jumps[node] = where(c1, of(node.then), of(node.otherwise))", "jumps[node] = where(c1, of(node.then), ZERO)"),
     ),

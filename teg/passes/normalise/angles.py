@@ -49,7 +49,7 @@ def _is_angle(n: Node) -> bool:
 
 
 def _without_radius(product: Mul) -> Expr:
-    """Returns a product of a radius and waves of its angle, in branches too, with a line in the place of the first wave."""
+    """Returns a product of a radius and waves of its angle, or sizes of waves, with a line in the place of the first wave."""
     for i, radius in enumerate(product.children):
         base, k = (radius.base, radius.exponent) if isinstance(radius, Pow) else (radius, 1)
         if not (isinstance(base, Call) and base.name == "sqrt" and base.free and k > 0):

@@ -284,3 +284,5 @@ def test_a_power_beside_a_constant(backend: str) -> None:
     for a_at, b_at in ((0.4, 0.35), (1.1, 0.72), (0.73, 0.41), (0.9, 0.13)):
         slope = -over_corners(first, lambda px, py, at=(a_at, b_at): px + at[0] * py - at[1], (0, 1, -1, 1)) / a_at  # type: ignore[misc]
         assert f.grad(a=a_at, b=b_at)["b"] == pytest.approx(slope, rel=1e-9, abs=1e-9)
+        height = over_corners(lambda v: v**1.5 if v > 0 else 1.0, lambda px, py, at=(a_at, b_at): px + at[0] * py - at[1], (0, 1, -1, 1))  # type: ignore[misc]
+        assert f.hessian(a=a_at, b=b_at)["b", "b"] == pytest.approx(height / a_at, rel=1e-9)
