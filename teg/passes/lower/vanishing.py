@@ -151,7 +151,7 @@ def _base(f: Expr) -> Expr:
             return f.base
         case Call(name="sqrt", children=(Expr() as u,)):
             return u
-        case Call(name="pow", children=(Expr() as u, Const() as k)) if k.data > 0.0:
-            return u
+        case Call(name="pow", children=(Expr() as u, Expr() as k)) if not k.free and not (isinstance(k, Const) and k.data <= 0.0):
+            return u  # a power of 0 says by itself whether it is 0
         case _:
             return f

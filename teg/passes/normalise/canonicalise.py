@@ -8,7 +8,8 @@
    A surface is written without an increasing function or an odd power in front of both sides, and a quadratic one that is two lines as
    these (`teg.analysis.coincidence`).
 3. A surface proportional to an earlier one by a number, or by denominators without variables, becomes that one; sign and strictness are
-   adjusted.
+   adjusted. What is under a root or in a logarithm is written like the surface that it is, so that it has the sign of a condition
+   to the last digit.
 4. An atom that a bound decides (x < t on (0, t)) is replaced by its value at the other bound.
 5. An integral of a polynomial that a condition depends on is written out: [∫₀ˣ(1 - u/p)du > 0] is a condition on x - x²/(2p).
 6. ∫ΣFᵢ = Σ∫Fᵢ if the terms have different atoms, and factors free of x leave ∫ dx.
@@ -30,18 +31,20 @@ from teg.analysis.jumps import assign
 from teg.analysis.kinks import Extremes, Kinks, kinks_of, value_nodes
 from teg.analysis.polynomial import Shadow
 from teg.analysis.proportional import Proportional
+from teg.analysis.singularities import is_singular
 from teg.analysis.surfaces import atoms_of, binders_inside
 from teg.ir import expr as ex
 from teg.ir import simplify
 from teg.ir.expr import FALSE, MINUS_ONE, TRUE, Add, Call, Compare, Cond, Const, Expr, Mul, Param, Pow, Var, Where, const
 from teg.ir.integral import Delta, Integral, delta, scaled_integral
 from teg.ir.node import Node, postorder, union
-from teg.ir.simplify import add, conjunction, disjunction, mul, negation, positive
-from teg.ir.traverse import rebuild, remake, rename_apart, replace_node, substitute
+from teg.ir.simplify import add, call, conjunction, disjunction, mul, negation, positive
+from teg.ir.traverse import rebuild, remake, rename_apart, replace_node, rewrite, substitute
 from teg.numerics.field import divided, sign_of_residue
 from teg.passes.normalise.denominators import cleared, cleared_delta, has_variable_denominator, tangents_as_quotients
 from teg.passes.normalise.factors import signed_factors, without_squares
 from teg.passes.normalise.quotients import with_whole_branches
+from teg.passes.normalise.radicals import without_radical
 from teg.passes.normalise.thresholds import without_threshold
 
 MAX_HOISTED = 6
@@ -87,6 +90,8 @@ class Canonical:
             elif isinstance(result, Call) and result.name == "atan2" and result.children[1] is ex.ZERO and result.free:
                 above = self._atom(result.children[0], True, MAX_HOISTED)  # on the cut of another one (`cuts.py`) it jumps
                 result = simplify.where(above, const(0.5 * math.pi), const(-0.5 * math.pi))
+            elif isinstance(result, Call) and is_singular(result) and isinstance(result.children[0], Add):
+                result = call(result.name, self._surfaces.equal(result.children[0]), *result.children[1:])
             elif isinstance(result, Integral):
                 result = self._integral(result)
             elif isinstance(result, Mul):
@@ -112,6 +117,8 @@ class Canonical:
         if len(factors) == 1 and sign and (level := without_threshold(mul(const(sign), factors[0]))) is not None:
             always, beyond, counts = level
             return disjunction(always, conjunction(counts, self._atom(beyond, strict, hoists)))
+        if len(factors) == 1 and sign and (polynomials := without_radical(mul(const(sign), factors[0]), strict)) is not None:
+            return self._each_atom(polynomials, hoists)
         found = [self._representatives(factor) for factor in factors]
         surfaces, sign = without_squares([s for own, _ in found for s in own], sign)
         denominators, sign = without_squares([s for _, under in found for s in under], sign, parameters_too=True)
@@ -126,6 +133,14 @@ class Canonical:
                 disjunction(conjunction(plus, below), conjunction(minus, above)),
             )
         return above
+
+    def _each_atom(self, condition: Cond, hoists: int) -> Cond:
+        """Returns a condition with its atoms canonical."""
+
+        def visit(old: Node, new: Node) -> Node:
+            return self._atom(old.g, old.strict, hoists) if isinstance(old, Compare) else new
+
+        return cast(Cond, rewrite([condition], visit)[condition])
 
     def _tied(self, atom: Compare, hoists: int) -> Cond:
         """Returns an atom that can meet a tie, made by substitution during sifting.

@@ -1,10 +1,11 @@
-"""Roots of sums that are squares on some of their branches.
+"""Roots of sums that are squares on some of their branches, or lines on all of them.
 
     √(where(c, u, 0)² + where(d, v, 0)²)   →   where(c, where(d, √(u² + v²), |u|), where(d, |v|, 0))
 
 Where the argument of a root, a logarithm or a power is a square, its derivative jumps at a zero: √(u²) is |u|. Jumps are looked for where
 the factors of arguments vanish (`teg.analysis.singularities`), and a sum shows its factors on each branch only. The distance from a box,
-√(max(|x| - a, 0)² + max(|y| - b, 0)²), is such a sum. Sums with more than `MOST_CONDITIONS` conditions stay as they are.
+√(max(|x| - a, 0)² + max(|y| - b, 0)²), is such a sum. log(t - |x - a|) is written apart on both sides of a: beside the zero of a line its
+distance is exact (`centre.py`). Sums with more than `MOST_CONDITIONS` conditions stay as they are.
 Cost: 2ⁿ roots for n conditions.
 """
 
@@ -12,6 +13,7 @@ from __future__ import annotations
 
 from typing import cast
 
+from teg.analysis.polynomial import Shadow
 from teg.analysis.singularities import is_singular
 from teg.ir.expr import MINUS_ONE, Add, Call, Compare, Cond, Expr, Mul, Pow, Where
 from teg.ir.node import Node, postorder
@@ -35,9 +37,13 @@ def _visited(_: Node, new: Node) -> Node:
         return new
     argument = new.children[0]
     branches = _branches(argument)
-    if branches is None or not any(_has_square(leaf) and not _has_square(argument) for leaf in _leaves(branches)):
+    if not isinstance(branches, tuple):
         return new
-    return _root_of(new, branches)
+    leaves = _leaves(branches)
+    if any(_has_square(leaf) for leaf in leaves) and not _has_square(argument):
+        return _root_of(new, branches)
+    lines = isinstance(argument, Add) and len(argument.free) == 1 and all(Shadow(tuple(leaf.free)).degree(leaf) == 1 for leaf in leaves)
+    return _root_of(new, branches) if lines else new  # of more variables, the lines of one would cross those of the other
 
 
 def with_sizes(root: Node) -> Node:

@@ -1,0 +1,160 @@
+"""Conditions that are decided on a surface, because the surface and the condition differ by a square.
+
+    on u - v² = 0:   u > 0 holds, for u is v² there
+    on u = 0:        u - v² > 0 does not hold
+    on v = 0:        u - v² > 0 is u > 0
+    on c·u - v² = 0: w > 0 holds, where w - u = v + c/4: for c·u - v² is c·w - (v + c/2)² then, as with the roots of √u and √w
+
+So it is where a cone, a sphere or an ellipse touches what it was made of. To rounding, such a condition holds on one side of the place
+where both touch and not on the other; decided by its form it has no rounding. Cost: linear in the conditions of an expression.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from typing import NamedTuple, cast
+
+from teg.analysis.polynomial import Point, Shadow
+from teg.ir.expr import FALSE, MINUS_ONE, TRUE, ZERO, Add, And, Compare, Cond, Const, Expr, Mul, Not, Or, Pow, Where, const
+from teg.ir.node import Node, postorder
+from teg.ir.simplify import add, mul, negation, nonzero_part, where
+from teg.ir.traverse import rewrite
+from teg.numerics.field import P, divided, sign_of_residue
+
+
+class Square(NamedTuple):
+    """A sum as sign·v² + rest, up to positive factors of v²."""
+
+    sign: int
+    v: Expr
+    rest: Expr
+
+
+def decided_on(e: Expr, surface: Expr) -> Expr:
+    """Returns an expression that is equal on a surface, almost everywhere, without the conditions that are decided there by their form."""
+    atoms = [
+        n for n in postorder([e]) if isinstance(n, Compare) and n.resolution is None and n.g is not surface and n.g.free & surface.free
+    ]
+    decisions = _Decisions(surface, atoms)
+    new = {a: c for a in atoms if (c := decisions.of(a)) is not None}
+    return cast(Expr, rewrite([e], lambda old, node: new.get(cast(Compare, old), node))[e]) if new else e
+
+
+def alike_on(e: Expr, surface: Expr) -> Expr:
+    """Returns an expression that is equal on a plane, with conditions on planes that are proportional to each other there as one: on
+    x + y = t these are x - y > t and y < 0."""
+    variables = tuple(sorted(surface.free, key=lambda v: v.name))
+    planes = Shadow(variables)
+    own = planes.linear(surface)
+    if own is None:
+        return e
+    pivot = next(i for i, c in enumerate(own) if c)
+    known: dict[tuple[int, ...], tuple[Compare, int]] = {}
+    new: dict[Node, Cond] = {}
+    for atom in postorder([e]):
+        if not isinstance(atom, Compare) or atom.resolution is not None or atom.g is surface or not atom.g.free <= surface.free:
+            continue
+        form = planes.linear(atom.g)
+        if form is None:
+            continue
+        share = divided(form[pivot], own[pivot])
+        rest = [(c - share * d) % P for c, d in zip(form, own, strict=True)]
+        if lead := next((c for c in rest if c), 0):
+            first, scale = known.setdefault(tuple(divided(c, lead) for c in rest), (atom, lead))
+            sign = sign_of_residue(divided(lead, scale))
+            if first is not atom and sign is not None:
+                new[atom] = first if sign > 0 else negation(first)
+    return cast(Expr, rewrite([e], lambda old, node: new.get(old, node))[e]) if new else e
+
+
+def with_known_conditions(e: Expr) -> Expr:
+    """Returns an expression that is equal, without the conditions in products of conditions and values that such a product knows."""
+
+    def visit(_: Node, node: Node) -> Node:
+        if not isinstance(node, Where):
+            return node
+        condition, value = nonzero_part(node)
+        if value is node:
+            return node
+        parts = condition.children if isinstance(condition, And) else (condition,)
+        if isinstance(condition, Not) and isinstance(condition.operand, Or):
+            parts = tuple(negation(c) for c in condition.operand.children)
+        known = {c.operand.g: FALSE for c in parts if isinstance(c, Not) and isinstance(c.operand, Compare)}
+        known |= {c.g: TRUE for c in parts if isinstance(c, Compare)}
+        inside = rewrite([value], lambda _, n: known.get(n.g, n) if isinstance(n, Compare) and n.resolution is None else n)
+        return where(condition, cast(Expr, inside[value]), ZERO)
+
+    return cast(Expr, rewrite([e], visit)[e])
+
+
+def _squares(g: Expr) -> Iterator[Square]:
+    """Returns the ways in which a sum is a square and a rest."""
+    if not isinstance(g, Add):
+        return
+    for i, term in enumerate(g.children):
+        *numbers, last = term.children if isinstance(term, Mul) else (term,)
+        if isinstance(last, Pow) and last.exponent == 2 and last.base.free and (sign := _sign(numbers)):
+            yield Square(sign, last.base, add(*g.children[:i], *g.children[i + 1 :]))
+
+
+def _sign(factors: Iterable[Node]) -> int:
+    """Returns the sign of a product of numbers and even powers of parameters; 0 if it has other factors."""
+    sign = 1
+    for f in factors:
+        if isinstance(f, Const) and f.data != 0.0:
+            sign = sign if f.data > 0.0 else -sign
+        elif isinstance(f, Mul):
+            sign *= _sign(f.children)
+        elif not (isinstance(f, Pow) and f.exponent % 2 == 0 and not f.free):
+            return 0
+    return sign
+
+
+class _Decisions:
+    """The conditions of an expression on a surface."""
+
+    def __init__(self, surface: Expr, atoms: Sequence[Compare]) -> None:
+        self._surface = surface
+        self._atoms = atoms
+        self._points = (Point("first"), Point("second"))
+        functions = [surface, *(a.g for a in atoms)]
+        self._with_values = {tuple(p.value(g) for p in self._points): g for g in functions}
+        self._own = list(self._squares(surface))
+
+    def of(self, atom: Compare) -> Cond | None:
+        """Returns what an atom is on the surface; None if its form does not tell."""
+        for square in self._own:
+            if sign := self._ratio(square.rest, atom.g):
+                return FALSE if sign == square.sign else TRUE
+        for square in self._squares(atom.g):
+            if self._ratio(square.rest, self._surface):
+                return TRUE if square.sign > 0 else FALSE
+            if self._ratio(square.v, self._surface):
+                for other in self._atoms:
+                    if sign := self._ratio(square.rest, other.g):
+                        return other if sign > 0 else negation(other)
+        return None
+
+    def _squares(self, g: Expr) -> Iterator[Square]:
+        """Returns the ways in which a function is a square and a rest: as it is written, and by the other one of two roots."""
+        for square in _squares(g):
+            yield square
+            factors = square.rest.children if isinstance(square.rest, Mul) else (square.rest,)
+            c, u = mul(*(f for f in factors if not f.free)), mul(*(f for f in factors if f.free))
+            if square.sign < 0 and _sign([c]) > 0:
+                for v in (square.v, mul(MINUS_ONE, square.v)):
+                    w = add(u, v, mul(const(0.25), c))
+                    if (known := self._with_values.get(tuple(p.value(w) for p in self._points))) is not None:
+                        yield Square(-1, add(v, mul(const(0.5), c)), mul(c, known))
+
+    def _ratio(self, a: Expr, b: Expr) -> int:
+        """Returns the sign of a/b if that is a number times even powers of parameters; 0 otherwise."""
+        factors = a.children if isinstance(a, Mul) else (a,)
+        varying = [f for f in factors if f.free]
+        sign = _sign(f for f in factors if not f.free)
+        if len(varying) != 1 or not sign or varying[0].free != b.free:
+            return 0
+        (first, other), (second, third) = ([p.value(e) for p in self._points] for e in (varying[0], b))
+        if not (first and other and second and third) or divided(first, second) != divided(other, third):
+            return 0
+        return sign * (sign_of_residue(divided(first, second)) or 0)
