@@ -20,7 +20,7 @@ Linear in the program, up to the few conditions that are hoisted.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from itertools import islice
 from typing import cast
 
@@ -31,7 +31,7 @@ from teg.analysis.jumps import assign
 from teg.analysis.kinks import Extremes, Kinks, kinks_of, value_nodes
 from teg.analysis.polynomial import Shadow
 from teg.analysis.proportional import Proportional
-from teg.analysis.singularities import is_singular
+from teg.analysis.singularities import Keys, factors_of, is_singular
 from teg.analysis.surfaces import atoms_of, binders_inside
 from teg.ir import expr as ex
 from teg.ir import simplify
@@ -69,11 +69,14 @@ class Canonical:
         self._scaled: dict[int, Expr] = {}
         self._new: dict[Node, Node] = {}
         self._extremes = Extremes()
+        self._keys = Keys()
+        self._singular: set[object] = set()
 
     def __call__(self, root: Expr) -> Expr:
         """Returns the program with canonical atoms and split integrals. Its value is the same."""
         new, order = self._new, postorder([rename_apart(root)])
         deciding, whole = _deciding_integrals(order), _many_kinks(order)
+        self._singular.update(self._keys.of(u) for u in _radicals_in_singular_functions(order))
         for node in order:
             if node in new:
                 continue
@@ -117,8 +120,10 @@ class Canonical:
         if len(factors) == 1 and sign and (level := without_threshold(mul(const(sign), factors[0]))) is not None:
             always, beyond, counts = level
             return disjunction(always, conjunction(counts, self._atom(beyond, strict, hoists)))
-        if len(factors) == 1 and sign and (polynomials := without_radical(mul(const(sign), factors[0]), strict)) is not None:
-            return self._each_atom(polynomials, hoists)
+        if len(factors) == 1 and sign and self._keys.of(factors[0]) not in self._singular:
+            polynomials = without_radical(mul(const(sign), factors[0]), strict)
+            if polynomials is not None:
+                return self._each_atom(polynomials, hoists)
         found = [self._representatives(factor) for factor in factors]
         surfaces, sign = without_squares([s for own, _ in found for s in own], sign)
         denominators, sign = without_squares([s for _, under in found for s in under], sign, parameters_too=True)
@@ -231,6 +236,13 @@ def _deciding_integrals(order: list[Node]) -> set[Node]:
     """Returns the integrals in atoms that depend on variables. Where they are polynomials the atom is one."""
     atoms = [n.g for n in order if isinstance(n, Compare) and n.g.has_integral and n.free]
     return {n for n in postorder(atoms) if isinstance(n, Integral) and n.free} if atoms else set()
+
+
+def _radicals_in_singular_functions(order: list[Node]) -> Iterator[Expr]:
+    """Returns functions with square roots, of which powers, roots or logarithms are taken. Their own zeros are breaks, as they are."""
+    for node in order:
+        if isinstance(node, Call) and is_singular(node):
+            yield from (u for u in factors_of(node.children[0]) if any(isinstance(n, Call) and n.name == "sqrt" for n in postorder([u])))
 
 
 def _many_kinks(order: list[Node]) -> set[Compare]:
