@@ -11,6 +11,8 @@ wherever they are, and an angle that is compared with an affine expression is tw
 
     atan2(v, u) < t    ⇔   v < 0 or u·sin t - v·cos t > 0, for 0 < t <= π;  both, for -π < t <= 0
 
+and so is a field of view, |atan2(v, u) - t| < c.
+
 Linear.
 """
 
@@ -23,12 +25,14 @@ from typing import cast
 from teg.analysis.calculus import slope
 from teg.analysis.coincidence import ZeroSet
 from teg.analysis.expanded import perfect_power
+from teg.analysis.kinks import Kinks, kinks_of
 from teg.analysis.polynomial import Shadow
 from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Call, Compare, Cond, Const, Expr, HalfAngle, Mul, Param, Pow, Var, const, has_cut
 from teg.ir.node import Node, postorder
 from teg.ir.simplify import add, call, conjunction, disjunction, div, half_angle, integer_power, mul, negation, positive, sub, where
-from teg.ir.traverse import formed_of, parameters, rebuild, stands_in, substitute
+from teg.ir.traverse import formed_of, parameters, rebuild, rewrite, stands_in, substitute
 from teg.passes.normalise.denominators import cleared, has_variable_denominator, tangents_as_quotients
+from teg.passes.normalise.piecewise import written_out
 from teg.passes.normalise.quotients import with_whole_branches
 
 MAX_DEGREE = 8
@@ -49,6 +53,7 @@ def with_cuts(root: Expr) -> Expr:
             inside[node] = cuts.rebuilt(node, tuple(inside[c] for c in node.children), True)
         if isinstance(node, Compare):
             lines = _half_planes(node)
+            lines = _written_in_half_planes(node) if lines is None else lines
             inside[node] = outside[node] = inside[node] if lines is None else lines
         else:
             outside[node] = cuts.rebuilt(node, tuple(outside[c] for c in node.children), False)
@@ -116,6 +121,22 @@ def _half_planes(condition: Compare) -> Cond | None:
     )
     rising = positive(factor)
     return disjunction(conjunction(rising, negation(less)), conjunction(negation(rising), less))
+
+
+def _written_in_half_planes(condition: Compare) -> Cond | None:
+    """Returns a condition on a function with kinks, |atan2(v, u) - t| < c, by the half-planes of its branches; None for other
+    conditions."""
+    if not cut_angles(condition.g) or not kinks_of(condition.g):
+        return None
+    written = written_out(condition, Kinks())
+    lines: dict[Node, Cond] = {}
+    for atom in postorder([written]):
+        if isinstance(atom, Compare) and cut_angles(atom.g):
+            half_planes = _half_planes(atom)
+            if half_planes is None:
+                return None
+            lines[atom] = half_planes
+    return cast(Cond, rewrite([written], lambda old, new: lines.get(old, new))[written])
 
 
 def linear_in_angle(e: Expr) -> tuple[Expr, Call | None, Expr]:

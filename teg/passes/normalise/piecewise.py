@@ -45,7 +45,7 @@ def with_affine_atoms(condition: Cond) -> Cond:
 
     def visit(_: Node, node: Node) -> Node:
         if isinstance(node, Compare) and node.resolution is None and node.free and kinks_of(node.g):
-            return _written_out(node, kinks)
+            return written_out(node, kinks)
         return node
 
     (cell,) = symbols.into([cast(Expr, cast(Node, condition))])
@@ -112,7 +112,7 @@ def _is_a_number(g: Expr, bounds: Mapping[Node, Extent]) -> bool:
     return True
 
 
-def _written_out(atom: Compare, kinks: Kinks) -> Cond:
+def written_out(atom: Compare, kinks: Kinks) -> Cond:
     """Returns an atom as a condition on functions without branches in value position, or as it is if that is too long."""
     cases: list[Cond] = []
     waiting: list[tuple[tuple[Cond, ...], Expr]] = [((), atom.g)]
