@@ -14,12 +14,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple, cast
 
-from teg.analysis.polynomial import Point, Shadow
-from teg.ir.expr import FALSE, MINUS_ONE, TRUE, ZERO, Add, And, Compare, Cond, Const, Expr, Mul, Not, Or, Pow, Where, const
+from teg.analysis.polynomial import Point
+from teg.ir.expr import FALSE, MINUS_ONE, TRUE, ZERO, Add, And, Compare, Cond, Const, Expr, Mul, Not, Or, Param, Pow, Where, const
 from teg.ir.node import Node, postorder
 from teg.ir.simplify import add, mul, negation, nonzero_part, where
 from teg.ir.traverse import rewrite
-from teg.numerics.field import P, divided, sign_of_residue
+from teg.numerics.field import P, divided, residue, sign_of_residue
 
 
 class Square(NamedTuple):
@@ -32,39 +32,44 @@ class Square(NamedTuple):
 
 def decided_on(e: Expr, surface: Expr) -> Expr:
     """Returns an expression that is equal on a surface, almost everywhere, without the conditions that are decided there by their form."""
-    atoms = [
-        n for n in postorder([e]) if isinstance(n, Compare) and n.resolution is None and n.g is not surface and n.g.free & surface.free
-    ]
+    atoms = _atoms(e, surface)
     decisions = _Decisions(surface, atoms)
     new = {a: c for a in atoms if (c := decisions.of(a)) is not None}
     return cast(Expr, rewrite([e], lambda old, node: new.get(cast(Compare, old), node))[e]) if new else e
 
 
 def alike_on(e: Expr, surface: Expr) -> Expr:
-    """Returns an expression that is equal on a plane, with conditions on planes that are proportional to each other there as one: on
-    x + y = t these are x - y > t and y < 0."""
-    variables = tuple(sorted(surface.free, key=lambda v: v.name))
-    planes = Shadow(variables)
-    own = planes.linear(surface)
-    if own is None:
+    """Returns an expression that is equal on a surface, with conditions that are proportional to each other there as one: on x + y = t
+    these are x - y > t and y < 0, on v = 0 u + v > 0 and u > 0.
+
+    Of a function its multiple of the surface is subtracted that makes it 0 at one point. What is left of functions that are alike on the
+    surface is proportional at others.
+    """
+    atoms = _atoms(e, surface)
+    if len(atoms) < 2:
         return e
-    pivot = next(i for i, c in enumerate(own) if c)
+    parameters = {n: residue("parameter", n.name) for n in postorder([e, surface]) if isinstance(n, Param)}
+    points = [Point(f"on a surface {i}", parameters) for i in range(4)]
+    own = [p.value(surface) for p in points]
     known: dict[tuple[int, ...], tuple[Compare, int]] = {}
     new: dict[Node, Cond] = {}
-    for atom in postorder([e]):
-        if not isinstance(atom, Compare) or atom.resolution is not None or atom.g is surface or not atom.g.free <= surface.free:
+    for atom in atoms:
+        values = [p.value(atom.g) for p in points]
+        if not (all(own) and all(values)):
             continue
-        form = planes.linear(atom.g)
-        if form is None:
-            continue
-        share = divided(form[pivot], own[pivot])
-        rest = [(c - share * d) % P for c, d in zip(form, own, strict=True)]
-        if lead := next((c for c in rest if c), 0):
-            first, scale = known.setdefault(tuple(divided(c, lead) for c in rest), (atom, lead))
+        share = divided(cast(int, values[0]), cast(int, own[0]))
+        lead, *rest = [(cast(int, v) - share * cast(int, g)) % P for v, g in zip(values[1:], own[1:], strict=True)]
+        if lead:
+            first, scale = known.setdefault(tuple(divided(r, lead) for r in rest), (atom, lead))
             sign = sign_of_residue(divided(lead, scale))
             if first is not atom and sign is not None:
                 new[atom] = first if sign > 0 else negation(first)
     return cast(Expr, rewrite([e], lambda old, node: new.get(old, node))[e]) if new else e
+
+
+def _atoms(e: Expr, surface: Expr) -> list[Compare]:
+    """Returns the conditions of an expression that may be decided on a surface."""
+    return [n for n in postorder([e]) if isinstance(n, Compare) and n.resolution is None and n.g is not surface and n.g.free & surface.free]
 
 
 def with_known_conditions(e: Expr) -> Expr:

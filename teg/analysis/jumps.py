@@ -206,7 +206,7 @@ def surface_terms(body: Expr, surfaces: list[Expr]) -> list[tuple[Expr, Expr]]:
     terms = []
     for g in surfaces:
         j = decided_on(Poles(g).without_decaying(jump(body, g)), g)
-        if j is not ZERO and not vanishes_on(j, g) and not fades_at(j, g):
+        if j is not ZERO and alike_on(j, g) is not ZERO and not vanishes_on(j, g) and not fades_at(j, g):
             terms.append((g, _at_edges(j, g)))
     return terms
 

@@ -16,7 +16,7 @@ from teg.ir.expr import Add, Call, Const, Expr, Mul, Param, Pow, Still, Var, Whe
 from teg.ir.function import Apply, Function
 from teg.ir.integral import Integral
 from teg.ir.node import digest, postorder
-from teg.numerics.field import P, divided, inverse, residue, residue_of_float
+from teg.numerics.field import P, inverse, residue, residue_of_float
 
 _OPERATIONS = (Add, Mul, Pow, Call)
 _HALF = inverse(2)
@@ -85,15 +85,6 @@ class Shadow:
         """Returns the total degree of a polynomial; None for anything else."""
         poly = self.polynomial(e)
         return None if poly is None else max((sum(m) for m in poly), default=0)
-
-    def linear(self, e: Expr) -> list[int] | None:
-        """Returns the coefficients of the variables and the constant of an affine function of these; None for anything else."""
-        ratio = self.of(e)
-        if ratio is None or not self._is_constant(ratio[1]) or max((sum(m) for m in ratio[0]), default=0) != 1:
-            return None
-        size = len(self._one)
-        places = [tuple(int(i == j) for j in range(size)) for i in range(size)]
-        return [divided(ratio[0].get(m, 0), ratio[1][self._one]) for m in (*places, self._one)]
 
     def _random(self, *key: object) -> int:
         return residue(self._salt, *key)

@@ -120,10 +120,9 @@ class Canonical:
         if len(factors) == 1 and sign and (level := without_threshold(mul(const(sign), factors[0]))) is not None:
             always, beyond, counts = level
             return disjunction(always, conjunction(counts, self._atom(beyond, strict, hoists)))
-        if len(factors) == 1 and sign and self._keys.of(factors[0]) not in self._singular:
-            polynomials = without_radical(mul(const(sign), factors[0]), strict)
-            if polynomials is not None:
-                return self._each_atom(polynomials, hoists)
+        whole = mul(const(sign), factors[0]) if len(factors) == 1 and sign else g
+        if self._keys.of(whole) not in self._singular and (polynomials := without_radical(whole, strict)) is not None:
+            return self._each_atom(polynomials, hoists)
         found = [self._representatives(factor) for factor in factors]
         surfaces, sign = without_squares([s for own, _ in found for s in own], sign)
         denominators, sign = without_squares([s for _, under in found for s in under], sign, parameters_too=True)
