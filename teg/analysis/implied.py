@@ -15,17 +15,38 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple, cast
 
 from teg.analysis.polynomial import Point
-from teg.ir.expr import FALSE, MINUS_ONE, TRUE, ZERO, Add, And, Compare, Cond, Const, Expr, Mul, Not, Or, Param, Pow, Where, const
+from teg.ir.expr import (
+    FALSE,
+    MINUS_ONE,
+    ONE,
+    TRUE,
+    ZERO,
+    Add,
+    And,
+    Call,
+    Compare,
+    Cond,
+    Const,
+    Expr,
+    Mul,
+    Not,
+    Or,
+    Param,
+    Pow,
+    Where,
+    const,
+)
 from teg.ir.node import Node, postorder
-from teg.ir.simplify import add, mul, negation, nonzero_part, where
+from teg.ir.simplify import add, call, div, mul, negation, nonzero_part, where
 from teg.ir.traverse import rewrite
 from teg.numerics.field import P, divided, residue, sign_of_residue
 
 
 class Square(NamedTuple):
-    """A sum as sign·v² + rest, up to positive factors of v²."""
+    """A sum as sign·scale·v² + rest, with a positive scale."""
 
     sign: int
+    scale: Expr
     v: Expr
     rest: Expr
 
@@ -34,8 +55,11 @@ def decided_on(e: Expr, surface: Expr) -> Expr:
     """Returns an expression that is equal on a surface, almost everywhere, without the conditions that are decided there by their form."""
     atoms = _atoms(e, surface)
     decisions = _Decisions(surface, atoms)
-    new = {a: c for a in atoms if (c := decisions.of(a)) is not None}
-    return cast(Expr, rewrite([e], lambda old, node: new.get(cast(Compare, old), node))[e]) if new else e
+    new: dict[Node, Node] = {a: c for a in atoms if (c := decisions.of(a)) is not None}
+    if new:
+        roots = [n for n in postorder([e]) if isinstance(n, Call) and n.name == "sqrt" and n.free]
+        new |= {r: known for r in roots if (known := decisions.root(r)) is not None}
+    return cast(Expr, rewrite([e], lambda old, node: new.get(old, node))[e]) if new else e
 
 
 def alike_on(e: Expr, surface: Expr) -> Expr:
@@ -92,6 +116,16 @@ def with_known_conditions(e: Expr) -> Expr:
     return cast(Expr, rewrite([e], visit)[e])
 
 
+def factors_beside_squares(g: Expr) -> list[Expr]:
+    """Returns the even powers c of parameters in sums c·u - v². Where c is 0 the two arcs of such a surface are one line, v = 0."""
+    found = []
+    for square in _squares(g):
+        c, _ = _apart(square.rest)
+        if square.sign < 0 and not isinstance(c, Const) and _sign([c]) > 0:
+            found.append(c)
+    return found
+
+
 def _squares(g: Expr) -> Iterator[Square]:
     """Returns the ways in which a sum is a square and a rest."""
     if not isinstance(g, Add):
@@ -99,7 +133,7 @@ def _squares(g: Expr) -> Iterator[Square]:
     for i, term in enumerate(g.children):
         *numbers, last = term.children if isinstance(term, Mul) else (term,)
         if isinstance(last, Pow) and last.exponent == 2 and last.base.free and (sign := _sign(numbers)):
-            yield Square(sign, last.base, add(*g.children[:i], *g.children[i + 1 :]))
+            yield Square(sign, mul(const(float(sign)), *numbers), last.base, add(*g.children[:i], *g.children[i + 1 :]))
 
 
 def _sign(factors: Iterable[Node]) -> int:
@@ -113,6 +147,12 @@ def _sign(factors: Iterable[Node]) -> int:
         elif not (isinstance(f, Pow) and f.exponent % 2 == 0 and not f.free):
             return 0
     return sign
+
+
+def _apart(e: Expr) -> tuple[Expr, Expr]:
+    """Returns the factors of e without variables, and the others."""
+    factors = e.children if isinstance(e, Mul) else (e,)
+    return mul(*(f for f in factors if not f.free)), mul(*(f for f in factors if f.free))
 
 
 class _Decisions:
@@ -140,17 +180,25 @@ class _Decisions:
                         return other if sign > 0 else negation(other)
         return None
 
+    def root(self, e: Call) -> Expr | None:
+        """Returns what a square root is on the surface, by its form: |v|/√c on c·u - v² = 0. To rounding, u may be negative there."""
+        own = tuple(p.value(e.children[0]) for p in self._points)
+        for square in self._own:
+            c, u = _apart(square.rest)
+            if square.sign < 0 and _sign([c]) > 0 and own == tuple(p.value(u) for p in self._points):
+                return mul(call("magnitude", square.v), call("sqrt", div(square.scale, c)))
+        return None
+
     def _squares(self, g: Expr) -> Iterator[Square]:
         """Returns the ways in which a function is a square and a rest: as it is written, and by the other one of two roots."""
         for square in _squares(g):
             yield square
-            factors = square.rest.children if isinstance(square.rest, Mul) else (square.rest,)
-            c, u = mul(*(f for f in factors if not f.free)), mul(*(f for f in factors if f.free))
+            c, u = _apart(square.rest)
             if square.sign < 0 and _sign([c]) > 0:
-                for v in (square.v, mul(MINUS_ONE, square.v)):
+                for v in (square.v, mul(MINUS_ONE, square.v)) if square.scale is ONE else ():
                     w = add(u, v, mul(const(0.25), c))
                     if (known := self._with_values.get(tuple(p.value(w) for p in self._points))) is not None:
-                        yield Square(-1, add(v, mul(const(0.5), c)), mul(c, known))
+                        yield Square(-1, ONE, add(v, mul(const(0.5), c)), mul(c, known))
 
     def _ratio(self, a: Expr, b: Expr) -> int:
         """Returns the sign of a/b if that is a number times even powers of parameters; 0 otherwise."""

@@ -1,11 +1,14 @@
-"""Derivatives that lack the cut of an angle: NaN where the cut may be met.
+"""Derivatives that lack the cut of an angle, or a curve that has become a line: NaN where that is met.
 
     [θ(x)² + sin x·θ(x) > t]       with θ = atan2(v, u), which jumps where v = 0 and u < 0
 
 A condition on an angle beside affine terms is half-planes (`teg.passes.normalise.cuts`), so its cut is a surface. In any other condition
 the cut is none, and its own boundary term is missing. Values are right, since cuts are breaks of integrals; so are first derivatives
 where no parameter moves the cut, since roots on it have no mass. Others by the condition's parameters, and all second ones, as its
-surface may end on the cut, are not known if bounds of v and u over the box, taken at run time, allow the cut. Linear.
+surface may end on the cut, are not known if bounds of v and u over the box, taken at run time, allow the cut.
+
+A surface c²·u - v² = 0, as that of c·√u + v = 0 (`teg.passes.normalise.radicals`), is the line v = 0, taken twice, where c is 0. Its two
+arcs may have different conditions, and boundary terms of both are 0/0 there. Linear.
 """
 
 from __future__ import annotations
@@ -15,12 +18,13 @@ from collections.abc import Sequence
 from typing import NamedTuple, cast
 
 from teg.analysis.evaluate import values_of
+from teg.analysis.implied import factors_beside_squares
 from teg.analysis.intervals import Enclosure, Interval
 from teg.errors import NotDifferentiableError, OperandError
 from teg.ir.expr import MINUS_ONE, TRUE, Call, Compare, Cond, Expr, Param, Tuple, Var, Where, const
 from teg.ir.integral import Delta, Integral
 from teg.ir.node import Node, postorder
-from teg.ir.simplify import add, call, conjunction, disjunction, mul, positive, tuple_of, where
+from teg.ir.simplify import add, call, conjunction, disjunction, mul, negation, positive, tuple_of, where
 from teg.ir.traverse import parameters
 from teg.passes.normalise.cuts import cut_angles
 
@@ -38,12 +42,15 @@ class _Missed(NamedTuple):
 
 
 class MissedCuts:
-    """The cuts of angles in conditions of a normal form that are no surfaces."""
+    """The cuts of angles in conditions of a normal form that are no surfaces, and surfaces that may become lines."""
 
     def __init__(self, normal: Expr) -> None:
         self._met: list[_Missed] = []
         if cut_angles(normal):
             self._collect(normal)
+        for g in dict.fromkeys(n.g for n in postorder([normal]) if isinstance(n, Compare | Delta)):
+            for c in factors_beside_squares(g):
+                self._met.append(_Missed(frozenset(parameters(g)), True, negation(positive(c))))
 
     def guarded(self, slopes: Expr, wrt: Sequence[Param | Var], again: bool = False) -> Expr:
         """Returns the derivatives by some parameters, in their order, with NaN for those that lack a cut; for a tuple of tuples, each.
