@@ -1,0 +1,144 @@
+"""Light, height and occlusion of spheres over a plane: conditions on square roots that end at a circle. Closed forms by the spheres."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+import teg
+
+pytestmark = pytest.mark.usefixtures("x64_for_jax")
+
+BACKENDS = ["numpy", "c", pytest.param("jax", marks=pytest.mark.slow)]
+B, W = teg.bracket, teg.where
+x, y = teg.vars("x y")
+a, b, c, t, u = teg.params("a b c t u")
+SQUARE = (x, -1, 1), (y, -1, 1)
+R2 = x * x + y * y
+HEIGHT = teg.sqrt(a - R2)
+LIGHT = (0.4, 0.3, 0.5)
+STRENGTH = math.sqrt(sum(v * v for v in LIGHT))
+SHADE = LIGHT[0] * x + LIGHT[1] * y + LIGHT[2] * HEIGHT
+SECOND = 0.3 - (x - b) ** 2 - y * y
+
+
+def over_square(e: teg.Expr) -> teg.Expr:
+    return teg.integral(e, *SQUARE)
+
+
+def lambert(strength: float, radius: float, angle: float) -> float:
+    """∫ max(0, p·l) over the disk under a sphere, by the angle between light and eye: Lambert's phase law."""
+    return strength * radius**3 * 2.0 / 3.0 * (math.sin(angle) + (math.pi - angle) * math.cos(angle))
+
+
+def cap_rate(level: float, angle: float) -> float:
+    """The rate at which the visible part of the cap {p·l > level} of the unit sphere, seen from above, grows with its level: by
+    Archimedes' theorem a strip between two levels has the area dφ·dlevel on the sphere, times its height z in the picture."""
+    up, along = level * math.cos(angle), math.sqrt(1.0 - level * level) * math.sin(angle)
+    end = math.acos(max(-1.0, min(1.0, -up / along)))
+    return -2.0 * (end * up + along * math.sin(end))
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_shaded_sphere(backend: str) -> None:
+    shaded = W(a > R2, teg.maximum(0, SHADE), 0)
+    value, gradient = teg.compile(over_square(shaded), [a], backend=backend).value_and_grad(a=0.5)
+    expected = lambert(STRENGTH, math.sqrt(0.5), math.acos(LIGHT[2] / STRENGTH))
+    assert value == pytest.approx(expected, abs=1e-11)
+    assert gradient["a"] == pytest.approx(1.5 * expected / 0.5, abs=1e-10)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("level", [0.3, 0.0, -0.4, 0.9])
+def test_light_above_a_level(backend: str, level: float) -> None:
+    f = teg.compile(over_square(W(a > R2, B(SHADE > t), 0)), [a, t], backend=backend)
+    radius = math.sqrt(0.5)
+    value, gradient = f.value_and_grad(a=0.5, t=level * STRENGTH * radius)
+    rate = 0.5 * cap_rate(level, math.acos(LIGHT[2] / STRENGTH)) / (STRENGTH * radius)
+    assert gradient["t"] == pytest.approx(rate, abs=1e-10)
+    # the area is a·A(t/√a): its derivative by a is A - ½·t·A′/√a
+    assert gradient["a"] == pytest.approx(value / 0.5 - 0.5 * level * STRENGTH * radius * rate / 0.5, abs=1e-10)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("up", [0.7, -0.7])
+def test_light_with_a_factor_of_unknown_sign(backend: str, up: float) -> None:
+    f = teg.compile(over_square(W(a > R2, B(t < 0.6 * x + 0.8 * y + u * HEIGHT), 0)), [a, t, u], backend=backend)
+    strength, radius = math.hypot(1.0, up), math.sqrt(0.5)
+    value, gradient = f.value_and_grad(a=0.5, t=0.2, u=up)
+    rate = 0.5 * cap_rate(0.2 / (strength * radius), math.acos(up / strength)) / (strength * radius)
+    assert gradient["t"] == pytest.approx(rate, abs=1e-10)
+    assert gradient["a"] == pytest.approx(value / 0.5 - 0.5 * 0.2 * rate / 0.5, abs=1e-10)
+
+
+def test_a_curve_that_has_become_a_line_is_said() -> None:
+    f = teg.compile(over_square(W(a > R2, B(t < 0.6 * x + 0.8 * y + u * HEIGHT), 0)), [a, t, u], backend="numpy")
+    assert f(a=0.5, t=0.2, u=0.0) == pytest.approx(0.5 * math.acos(0.2 / math.sqrt(0.5)) - 0.2 * math.sqrt(0.46), abs=1e-12)
+    with pytest.warns(teg.AccuracyWarning):
+        gradient = f.grad(a=0.5, t=0.2, u=0.0)
+    assert all(math.isnan(v) for v in gradient.values())
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("lift", [0.1, -0.1])
+def test_one_sphere_before_the_other(backend: str, lift: float) -> None:
+    """Each pixel of the lens under both spheres shows one of them, so their areas add up to that of the lens."""
+    lens = (a > R2) & (SECOND > 0)
+    root = teg.sqrt(SECOND)
+    first, second, both = (
+        teg.compile(over_square(B(lens & condition)), [a, b, c], backend=backend)
+        for condition in (c + HEIGHT < root, c + HEIGHT >= root, a > R2)
+    )
+    point = {"a": 0.4, "b": 0.3, "c": lift}
+    (v1, g1), (v2, g2), (v, g) = (f.value_and_grad(**point) for f in (first, second, both))
+    assert v1 + v2 == pytest.approx(v, abs=1e-12)
+    for name in point:
+        assert g1[name] + g2[name] == pytest.approx(g[name], abs=1e-10)
+        sides = [first(**{**point, name: point[name] + h}) for h in (-2e-3, -1e-3, 1e-3, 2e-3)]
+        assert g1[name] == pytest.approx((sides[0] - 8 * sides[1] + 8 * sides[2] - sides[3]) / 12e-3, abs=1e-8)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_height_beside_a_circle_written_in_another_way(backend: str) -> None:
+    """½ of a ball cut at x = b: what is lost with b is half of a disk. The root is written otherwise than the condition around it."""
+    half = W((R2 < a) & (x > b), teg.sqrt(a - x * x - y * y), 0)
+    gradient = teg.compile(over_square(half), [a, b], backend=backend).grad(a=0.5, b=0.2)
+    assert gradient["b"] == pytest.approx(-0.5 * math.pi * (0.5 - 0.04), abs=1e-11)
+    depth = math.sqrt(0.5) - 0.2
+    # the ball's cap has the volume π·h²·(3r - h)/3; of the half above the plane, by r² = a
+    assert gradient["a"] == pytest.approx(0.5 * math.pi * depth * 2.0 * math.sqrt(0.5) / (2.0 * math.sqrt(0.5)), abs=1e-10)
+    beside = W((x - b) ** 2 + y * y < 0.1, 1, W(R2 < a, teg.sqrt(a - x * x - y * y), 0))
+    f = teg.compile(over_square(beside), [a, b], backend=backend)
+    gradient = f.grad(a=0.5, b=0.5)
+    for name, h in (("a", 1e-3), ("b", 1e-3)):
+        sides = [f(**{"a": 0.5, "b": 0.5, name: 0.5 + k * h}) for k in (-2, -1, 1, 2)]
+        assert gradient[name] == pytest.approx((sides[0] - 8 * sides[1] + 8 * sides[2] - sides[3]) / (12 * h), abs=1e-8)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_pyramid_with_a_power(backend: str) -> None:
+    """∫ max(0, 1 - |x|/a - |y|/b)ᵗ = 4ab/((t + 1)(t + 2)): on its border the power is 0 where conditions say so, and its base to rounding."""
+    pyramid = teg.maximum(0, 1 - abs(x) / a - abs(y) / b) ** t
+    value, gradient = teg.compile(over_square(pyramid), [a, b, t], backend=backend).value_and_grad(a=0.5, b=0.7, t=1.5)
+    assert value == pytest.approx(0.16, abs=1e-10)
+    expected = {"a": 0.32, "b": 0.16 / 0.7, "t": -0.16 * (1.0 / 2.5 + 1.0 / 3.5)}
+    assert gradient == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_field_of_view(backend: str) -> None:
+    """|atan2(y - b, x - a) - t| < c within a disk around (a, b) is a sector of the area c·u."""
+    seen = B(abs(teg.atan2(y - b, x - a) - t) < c) * B((x - a) ** 2 + (y - b) ** 2 < u)
+    value, gradient = teg.compile(over_square(seen), [a, b, c, t, u], backend=backend).value_and_grad(a=0.1, b=0.2, c=0.3, t=0.5, u=0.3)
+    assert value == pytest.approx(0.09, abs=1e-12)
+    assert gradient == pytest.approx({"a": 0.0, "b": 0.0, "c": 0.3, "t": 0.0, "u": 0.3}, abs=1e-10)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_logarithm_of_a_line_with_a_kink(backend: str) -> None:
+    """∫ log(t - |x - a|) where it is a number = 2t·(log t - 1)."""
+    barrier = W(abs(x - a) < t, teg.log(t - abs(x - a)), 0)
+    value, gradient = teg.compile(teg.integral(barrier, (x, -1, 1)), [a, t], backend=backend).value_and_grad(a=0.1, t=0.5)
+    assert value == pytest.approx(math.log(0.5) - 1.0, abs=1e-11)
+    assert gradient == pytest.approx({"a": 0.0, "t": 2.0 * math.log(0.5)}, abs=1e-9)
