@@ -27,7 +27,7 @@ from teg.passes.lower.levels import Level, Truths
 from teg.passes.lower.rounding import Rounding
 from teg.passes.lower.scaled import ByExponents
 from teg.passes.lower.vanishing import Underflow, Vanishing
-from teg.program import Arg, Assign
+from teg.program import TIE_EPS, Arg, Assign
 from teg.program.operations import letter_of
 
 NAN = float("nan")
@@ -206,9 +206,11 @@ class Emitter:
         return False
 
     def _of_sign_in_the_middle(self, u: Expr, value: Arg, home: Level) -> Arg:
-        """Returns u, and its size where it is positive in the middle of the piece: beside a root only rounding makes it negative."""
+        """Returns u, and its size where it is positive in the middle of the piece: beside a root only rounding makes it negative. So it
+        does in the middle of a piece that is as short as rounding makes it."""
         middle = cast(Level, home.middle)
-        above = self.assign(middle, "gt0", self.number(u, middle))
+        noise = self.assign(middle, "mul", TIE_EPS, self.rounding.terms_size(u, middle))
+        above = self.assign(middle, "gt0", self.assign(middle, "add", self.number(u, middle), noise))
         return self.assign(home, "select", above, self.size_of(value, home), value)
 
     def sum(self, e: Add, home: Level) -> Arg:
