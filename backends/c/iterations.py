@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from teg.backends.c.covered import PIECE, CoveredRuns, covered_runs
+from teg.backends.c.eights import SideBySide, match_squares
 from teg.backends.c.lanes import SIDE, decisive_branch
 from teg.backends.c.queues import Queue
 from teg.backends.c.spans import HELD, LINES, PLACES, Rows, function, prefetched, rows_of
 from teg.backends.c.steps import StepPrinter, array_of, named
 from teg.backends.c.straights import Staged, Straight
 from teg.backends.c.text import indent, packed, spelled
+from teg.program import without_branches
 from teg.program.arrays import Arg, ArrayProgram, Cells, Integers, Load, Loop, Number, Run, Scatter, Step
 from teg.program.fields import operands, result_names
 
+BY_VALUE = 120
+"""Inputs of a flat program that are C arguments: it is called in one place, and inlined there."""
 FEW = 5
 """Points that wait at the end for a line of their own up to which they rather join those that wait for any."""
 
@@ -25,6 +30,7 @@ class IterationPrinter(StepPrinter):
         super().__init__(program)
         self.straights: dict[int, Straight] = {}  # of the only flat program of an innermost loop
         self.queues: dict[int, Queue] = {}  # of such a flat program
+        self.trials: list[str] | None = None  # declarations of what is counted in the chunk that is printed
 
     def _loop(self, step: Loop, depth: int) -> list[str]:
         """Returns a loop inside another one."""
@@ -168,10 +174,31 @@ class IterationPrinter(StepPrinter):
         inside = [*self._skipped(step), "if (teg_stopped(pace)) break;", *self._without_edges(step, depth, added)]
         cut = next((k for k, s in enumerate(step.body) if isinstance(s, Cells)), 0)
         if step.body and (shorter := self._without_candidates(step, cut, depth, added)):
-            inside += [*self._block(step.body[:cut], depth), *shorter, *self._block(step.body[cut:], depth), *added]
+            side_by_side = self._squares(step, cut, depth)
+            waits = side_by_side.wait() if side_by_side else []
+            inside += [*self._block(step.body[:cut], depth), *shorter, *waits, *self._block(step.body[cut:], depth), *added]
+            if side_by_side and self.trials is not None:
+                self.trials.append(side_by_side.tried_so_far())
+                return side_by_side.lines(lo, hi, inside)
         else:
             inside += [*self._block(step.body, depth, decisive(step)), *added]
         return [f"for (int64_t {step.index} = {lo}; {step.index} < {hi}; {step.index}++) {{", *indent(*inside), "}"]
+
+    def _squares(self, step: Loop, cut: int, depth: int) -> SideBySide | None:
+        """Returns what prints the iterations of a loop with cells eight side by side, if they may be."""
+        cells, squares = step.body[cut], match_squares(step, self.routines)
+        if squares is None or self.trials is None or not isinstance(cells, Cells) or self._in_lanes(step) or step.listed >= 0:
+            return None
+        return SideBySide(squares, self._shape(cells), lambda steps: self._block([*map(self._straightened, steps)], depth))
+
+    def _straightened(self, step: Step) -> Step:
+        """Returns a step of which eight are run side by side: a flat program has no branches."""
+        if not isinstance(step, Run):
+            return step
+        run = replace(step, program=without_branches(step.program))
+        self.routines[id(run)] = self.printer.element(run.program, "run", BY_VALUE, lazy=False)
+        self.by_moments.append((run,))  # keeps what `routines` knows by its identity
+        return run
 
     def _spanned(self, step: Loop, row: Loop) -> Run | None:
         """Returns the flat program of the loop `row` inside of `step` if its spans are known, and its queue is kept from row to row."""

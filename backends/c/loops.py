@@ -24,7 +24,7 @@ from teg.backends.c.build import load_library
 from teg.backends.c.cells import NO_MEMORY
 from teg.backends.c.chunks import Chunked
 from teg.backends.c.crossed import POINTS
-from teg.backends.c.iterations import IterationPrinter, only_run
+from teg.backends.c.iterations import BY_VALUE, IterationPrinter, only_run
 from teg.backends.c.kernel import LONG, optimisation
 from teg.backends.c.lanes import SIDE, decisive_branch
 from teg.backends.c.queues import Queue, queue_of
@@ -56,8 +56,6 @@ from teg.program.joined import input_residues
 from teg.program.summed import summed, with_enclosing
 from teg.program.tabled import TabledProgram
 
-BY_VALUE = 120
-"""Inputs of a flat program that are C arguments: it is called in one place, and inlined there."""
 ON_STACK = 512
 """Numbers in a workspace that is on the C stack."""
 
@@ -247,9 +245,9 @@ class _ArrayPrinter(IterationPrinter):
 
     def _in_chunk(self, step: Loop, targets: Sequence[int | str]) -> list[str]:
         """Returns the iterations of a chunk, which scatter into its own copies."""
-        self.copied = frozenset(targets)
+        self.copied, self.trials = frozenset(targets), []
         lines = self._iterations(step, "first", "last", 1)
-        self.copied = frozenset()
+        lines, self.copied, self.trials = [*self.trials, *lines], frozenset(), None
         return lines
 
     # -- the batch -----------------------------------------------------------------------------------------------------

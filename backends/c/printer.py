@@ -85,11 +85,13 @@ class Printer(Routines):
         self.functions: Sequence[Called] = ()
         self.integrals = Integrals(self, self.steps)
 
-    def element(self, program: Program, kind: str = "element", by_value: int | None = None, told: str | None = None) -> Routine:
+    def element(
+        self, program: Program, kind: str = "element", by_value: int | None = None, told: str | None = None, lazy: bool = True
+    ) -> Routine:
         """Returns the routine of the whole program at one point: from the parameters it writes the outputs to `f`. There is one "element",
-        "run"s are numbered. It returns the boolean `told`, if there is one."""
+        "run"s are numbered. It returns the boolean `told`, if there is one. `lazy`: what one branch of a choice needs is computed there."""
         kinds = {type(s) for s in compound(program.body)}
-        if told is None and (Polyhedron in kinds or kinds.isdisjoint((Polygon, Segment, Hyperbola, Ellipse, When))):
+        if lazy and told is None and (Polyhedron in kinds or kinds.isdisjoint((Polygon, Segment, Hyperbola, Ellipse, When))):
             program = with_lazy_choices(program)
         self.inlined = sum(isinstance(s, Polyhedron | Polygon | Segment | Hyperbola | Ellipse) for s in compound(program.body)) <= INLINED
         self.functions = program.functions

@@ -208,6 +208,7 @@ TOPICS = (
     "envelope",
     "signed",
     "kept",
+    "eights",
 )
 """The headers, in the order in which they build on one another."""
 UNIT = "//: "

@@ -138,6 +138,7 @@ static int teg_has_signs(teg_kept *kept, const double *otherwise)
 {
     teg_arrangement *const r = &kept->room.r;
     const size_t lines = r->line_count;
+    if (!teg_may_have_signs(r, otherwise)) return 0;
     if (teg_sign_cells(r, otherwise)) {
         kept->state = TEG_SIGNED;
         return 1;

@@ -23,13 +23,40 @@ static inline int teg_trim(teg_piece *piece, double c, double a, double b, int l
 
 //: teg_pieces
 /* The parts of the square of all regions (n is 0: none, or hidden), the lines on which their keys are the base's (or -1), and which of them
-   lie over one another, as bits; which have lines that others have too (`lent`), and which are hidden in part; `label`: of lines. */
+   lie over one another, as bits; which have lines that others have too (`lent`), and which are hidden in part; `label`: of lines; `same`:
+   which lines of other regions are one with a line, as bits. */
 typedef struct {
     teg_piece of[TEG_PIECES];
     int key[TEG_PIECES];
     unsigned over[TEG_PIECES], lent, hidden;
     int label[TEG_PIECE_LINES];
+    uint64_t same[TEG_PIECE_LINES];
 } teg_pieces;
+
+//: teg_find_same
+/* Find the lines of different regions that are one, to more than what counts as the same. Their distances are compared side by
+   side; few are as far away as another one. */
+static void teg_find_same(const teg_arrangement *r, teg_pieces *all)
+{
+    const int count = (int)r->line_count;
+    double away[TEG_PIECE_LINES + TEG_PIECE], d[TEG_PIECE];
+    for (int k = 0; k < count; k++) away[k] = fabs(r->lines[k].c), all->same[k] = 0;
+    for (int k = count; k < count + TEG_PIECE; k++) away[k] = INFINITY;
+    for (int i = 4; i < count; i++) {
+        const teg_line *const g = r->lines + i;
+        for (int first = g->end; first < count; first += TEG_PIECE) {
+            for (int k = 0; k < TEG_PIECE; k++) d[k] = fabs(away[i] - away[first + k]);
+            for (unsigned near = teg_below_level(d, 2.0 * TEG_SAME); near; near &= near - 1) {
+                const int j = first + teg_lowest_bit(near);
+                const teg_line *const h = r->lines + j;
+                const double across = g->a * h->b - g->b * h->a, along = g->a * h->a + g->b * h->b;
+                const double apart = fabs(along < 0.0 ? g->c + h->c : g->c - h->c);
+                const int same = (fabs(across) < 8.0 / TEG_ANGLES) & (apart < 2.0 * TEG_SAME);
+                all->same[i] |= (uint64_t)same << j, all->same[j] |= (uint64_t)same << i;
+            }
+        }
+    }
+}
 
 //: teg_cut_by_line
 /* What is left of a piece where the form of a line is >= 0. */
@@ -108,20 +135,21 @@ static int teg_is_seen(teg_arrangement *r, const teg_region *region, teg_pieces 
 /* Whether a piece is beyond one of the lines of a region. */
 static inline int teg_is_beyond(const teg_arrangement *r, const teg_region *region, const teg_piece *piece)
 {
+    int beyond = 0;
     for (int k = region->first; k < region->end; k++) {
         const teg_line *const g = r->lines + k;
         double d[TEG_PIECE];
         teg_on_corners(g->c, g->a, g->b, piece->x, piece->y, d);
-        if (teg_below_level(d, TEG_ON_LINE) == (1u << TEG_PIECE) - 1) return 1;
+        beyond |= teg_below_level(d, TEG_ON_LINE) == (1u << TEG_PIECE) - 1;
     }
-    return 0;
+    return beyond;
 }
 
 //: teg_are_beside
 /* Whether one of the lines of two regions has one of them on each side. */
 static inline int teg_are_beside(const teg_arrangement *r, int near, int far, const teg_pieces *all)
 {
-    return teg_is_beyond(r, r->regions + near, all->of + far) || teg_is_beyond(r, r->regions + far, all->of + near);
+    return teg_is_beyond(r, r->regions + near, all->of + far) | teg_is_beyond(r, r->regions + far, all->of + near);
 }
 
 //: teg_edge_on
@@ -143,13 +171,14 @@ static int teg_edge_on(const teg_piece *piece, int label, const teg_line *line, 
    have a part in common and are not equal. */
 static int teg_share_edges(const teg_arrangement *r, int near, int far, teg_pieces *all)
 {
+    const int first = r->regions[far].first;
+    const uint64_t lines = ((uint64_t)1 << r->regions[far].end) - 1;
     for (int a = r->regions[near].first; a < r->regions[near].end; a++)
-        for (int b = r->regions[far].first; b < r->regions[far].end; b++) {
-            const teg_line *const g = r->lines + a, *const h = r->lines + b;
-            const double across = g->a * h->b - g->b * h->a, along = g->a * h->a + g->b * h->b;
+        for (unsigned same = (unsigned)((all->same[a] & lines) >> first); same; same &= same - 1) {
+            const teg_line *const g = r->lines + a;
+            const int b = first + teg_lowest_bit(same);
             double one[3], two[3];
             int edge;
-            if ((fabs(across) >= 8.0 / TEG_ANGLES) | (fabs(along < 0.0 ? g->c + h->c : g->c - h->c) >= 2.0 * TEG_SAME)) continue;
             edge = teg_edge_on(all->of + far, all->label[b], g, two);
             if (edge < 0 || teg_edge_on(all->of + near, all->label[a], g, one) < 0) continue;
             if (fmin(fmax(one[0], one[1]), fmax(two[0], two[1])) - fmax(fmin(one[0], one[1]), fmin(two[0], two[1])) <= TEG_ON_LINE) continue;
@@ -269,20 +298,28 @@ static int teg_keep_seen(teg_arrangement *r, const teg_pieces *all, const double
     return 1;
 }
 
+//: teg_may_have_signs
+/* Whether a square is one whose cells may have signs: few regions are there, and some of their lines are one. */
+static inline int teg_may_have_signs(teg_arrangement *r, const double *otherwise)
+{
+    const size_t count = r->region_count;
+    if (count < 2 || count > TEG_PIECES || r->line_count > TEG_PIECE_LINES || TEG_SHAPE(r->shape)->parts > 1) return 0;
+    r->alone = !teg_may_have_twins(r);
+    return !r->alone && teg_is_known(TEG_SHAPE(r->shape), teg_polynomials(r, r->base, otherwise));
+}
+
 //: teg_sign_cells
-/* Make the cells with signs of a square; returns 0 where they are not known to be right. */
-static int teg_sign_cells(teg_arrangement *r, const double *otherwise)
+/* Make the cells with signs of a square that may have them; returns 0 where they are not known to be right. */
+TEG_APART int teg_sign_cells(teg_arrangement *r, const double *otherwise)
 {
     teg_pieces all;
     unsigned beside[TEG_PIECES] = {0};
     const int count = (int)r->region_count;
-    if (count < 2 || count > TEG_PIECES || r->line_count > TEG_PIECE_LINES || TEG_SHAPE(r->shape)->parts > 1) return 0;
-    r->alone = !teg_may_have_twins(r);
-    if (r->alone || !teg_is_known(TEG_SHAPE(r->shape), teg_polynomials(r, r->base, otherwise))) return 0;
     teg_sort_regions(r->regions, r->region_count);
     all.lent = all.hidden = 0;
     for (int k = 0; k < (int)r->line_count; k++) all.label[k] = 2 * k;
     if (!teg_cut_pieces(r, &all)) return 0;
+    teg_find_same(r, &all);
     for (int k = 0; k < count; k++)
         if (!teg_is_seen(r, r->regions + k, &all, k)) return 0;
     for (int far = 1; far < count; far++)

@@ -1,0 +1,68 @@
+"""Squares with one or two candidates, eight side by side, beside cells that are cut one by one in NumPy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+import teg
+from tests.bench.rasteriser import Mesh, candidates, flat, loss, overlapping, waves
+
+Array = Any
+SIZE = 24
+
+
+def triangles(corners: Array, depths: Array) -> Mesh:
+    """Returns triangles with colours of their own; corners (n, 3, 2), depths (n, 3)."""
+    own = np.arange(3 * len(corners)).reshape(-1, 3)
+    rng = np.random.default_rng(5)
+    return Mesh(corners.reshape(-1, 2), depths.ravel(), own, rng.random((own.size, 3)), own, np.ones(own.shape, bool))
+
+
+def before_a_wall() -> Mesh:
+    """Returns triangles in front of one that covers the picture, behind it, and through it."""
+    rng = np.random.default_rng(3)
+    wall = np.array([[[-200.0, -150.0], [300.0, -150.0], [20.0, 400.0]]])
+    places = rng.uniform(0, SIZE, (9, 1, 2)) + rng.normal(0, 6, (9, 3, 2))
+    turned = (places[:, 1] - places[:, 0])[:, 0] * (places[:, 2] - places[:, 0])[:, 1]
+    turned = turned - (places[:, 1] - places[:, 0])[:, 1] * (places[:, 2] - places[:, 0])[:, 0] < 0
+    places[turned] = places[turned][:, [0, 2, 1]]
+    depths = np.concatenate([np.full((1, 3), 0.5), np.full((4, 3), 0.3), np.full((3, 3), 0.7), rng.uniform(0.3, 0.7, (2, 3))])
+    return triangles(np.concatenate([wall, places]), depths)
+
+
+def on_the_grid() -> Mesh:
+    """Returns the halves of squares whose corners are those of pixels, and whose diagonals go through corners."""
+    x, y = (a.ravel().astype(float) for a in np.mgrid[2:22:4, 2:22:4])
+    corners = [np.stack([[x, y], [x + a, y + b], [x + c, y + d]], axis=0) for a, b, c, d in ((4, 0, 4, 4), (4, 4, 0, 4))]
+    return triangles(np.concatenate([np.moveaxis(c, 2, 0) for c in corners]), np.full((2 * x.size, 3), 0.5))
+
+
+SCENES: dict[str, Callable[[], Mesh]] = {
+    "side by side": lambda: (scene := flat())._replace(places=scene.places * 1.5 - 80.3),
+    "few": lambda: overlapping(12, SIZE),
+    "many": lambda: overlapping(60, SIZE),
+    "before a wall": before_a_wall,
+    "on the grid": on_the_grid,
+}
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_squares_side_by_side_are_those_cut_one_by_one(name: str) -> None:
+    scene, target = SCENES[name](), waves(SIZE)
+    given = {"P": scene.places, "D": scene.depths, "C": scene.colours, "F": scene.faces, "G": scene.shades, "T": target}
+    given |= candidates(scene, SIZE)
+    found = {backend: teg.compile(*loss(), backend=backend).value_and_grad(given) for backend in ("c", "numpy")}
+    assert found["c"][0] == pytest.approx(found["numpy"][0], rel=1e-13)
+    for array in "PC":
+        exact = found["numpy"][1][array]
+        np.testing.assert_allclose(found["c"][1][array], exact, rtol=1e-9, atol=1e-11 * abs(exact).max(), err_msg=array)
+
+
+def test_the_text_has_them() -> None:
+    text = teg.compile(*loss(), backend="c").source
+    assert "teg_keep_eight(" in text
+    assert "teg_pull_eight(" in text
