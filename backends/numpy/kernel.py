@@ -115,8 +115,8 @@ class NumpyKernel:
 
     def outcome(self, columns: Sequence[npt.NDArray[np.float64]], n: int) -> Outcome:
         """Returns the outputs, whether a tolerance was missed, and how many evaluations it took."""
-        out, _, run = self._run(columns, n)
-        return Outcome(out, run.missed, run.evaluations, run.crowded)
+        out, met, run = self._run(columns, n)
+        return Outcome(out, run.missed, run.evaluations, run.crowded, bool(met))
 
     def met_ties(self, columns: Sequence[npt.NDArray[np.float64]], n: int) -> tuple[int, ...]:
         """Returns the numbers k of the ties that a call with these arguments meets, ascending."""

@@ -11,8 +11,9 @@ from teg.analysis.bodies import write_all_out
 from teg.analysis.settings import Integration, with_more_room
 from teg.evaluator.accuracy import has_samples, report_missed, report_not_a_number
 from teg.evaluator.arguments import Call, whole_numbers
+from teg.evaluator.both_sides import BothSides, Rates, along_product, gradient_is_same, settled, without_order
 from teg.evaluator.options import Options
-from teg.evaluator.plan import GRADIENT_ALONE, ORDERS, VALUE, Kept, Plan, Wanted, derivative_of_order
+from teg.evaluator.plan import GRADIENT, GRADIENT_ALONE, HESSIAN, ORDERS, VALUE, Kept, Plan, Wanted, derivative_of_order
 from teg.evaluator.runs import ListedPlan, RunsKernel
 from teg.evaluator.tabled import Tabled
 from teg.evaluator.timing import timed
@@ -60,6 +61,7 @@ class Kernels:
         self._room: Kept[Key, Integration] = Kept()  # for kernels that met more roots than there was room for
         self._sampled: Kept[tuple[Wanted, int | None], bool] = Kept()
         self._checks: Kept[None, MapChecks] = Kept()
+        self._ties: Kept[Key, Any] = Kept()
         self._points: dict[Wanted, Callable[[Sequence[float]], Outcome]] = {}
 
     def kernel(self, key: Key) -> Kernel:
@@ -131,7 +133,7 @@ class Kernels:
                 return None
             self._points[wanted] = cast(Any, self.kernel(Key(wanted))).at_point
         outcome = self._points[wanted](numbers)
-        if outcome.missed or outcome.crowded or any(map(math.isnan, outcome.values[:, 0].tolist())):
+        if outcome.missed or outcome.crowded or (outcome.tied and wanted == HESSIAN) or any(map(math.isnan, outcome.values[:, 0].tolist())):
             return None
         return outcome.values
 
@@ -195,13 +197,48 @@ class Kernels:
         while True:
             outcome = self._run(key, call)
             if not outcome.crowded or not any(np.isnan(v).any() for v in outcome.values):
-                return outcome
+                return self._settled(key, call, outcome) if np.any(outcome.tied) and call.n else outcome
             wider = with_more_room(self.room(key))
             if wider is None:
                 return outcome
             self._room.put(key, wider)
             self._kernels.drop(key)
             self._points.clear()
+
+    def _settled(self, key: Key, call: Call, outcome: Any) -> Any:
+        """Returns an outcome at ties, with second derivatives as the mean of both sides."""
+        wanted, plan = key.wanted, self.plan
+        if key.counted or plan.options.estimator.name != "exact" or not (wanted == HESSIAN or (len(wanted.along) == 1 and wanted.orders)):
+            return outcome
+        sides = self.sides(key, wanted, len(outcome.values))
+
+        def rates(part: Call) -> list[Rates]:
+            if not wanted.along:
+                return [without_order(part, seed) for seed in (0, 1)]
+            (direction,) = plan.derivation.directions(wanted)
+            return [along_product(list(direction.items()), plan.derivation.arguments(wanted), part)]
+
+        return settled(outcome, call, sides, rates, partial(self._meets_at_places, key))
+
+    def sides(self, key: Key, wanted: Wanted, results: int = 0) -> BothSides:
+        """Returns the kernel's runs beside a place, and which of so many `results` are what is wanted: the Hessian, the gradient before it,
+        or the product."""
+        entries = len(self.plan.entries) if key.entry is None else 1
+        gradient = slice(entries, entries * (1 + len(self.plan.wrt)))
+        count = results // 2 if key.errors else results
+        which = gradient if wanted == GRADIENT else slice(gradient.stop if wanted == HESSIAN else 0, count)
+        return BothSides(partial(self._run, key), which)
+
+    def _meets_at_places(self, key: Key, call: Call) -> bool:
+        """Returns whether the ties of an element are at places, and none along a curve, and leave a gradient that is known the same on
+        both sides; False for a program with loops."""
+        if self.plan.has_loops:
+            return False
+        if not key.wanted.along and not gradient_is_same(self.sides(key, GRADIENT), call):
+            return False
+        program = cast(Program, self.plan.program(key.wanted, key.entry, False, self.room(key)))
+        ties = self._ties.get(key, lambda: build_ties(program)).met_ties(call.doubles, 1)
+        return all(program.ties[k].at_place for k in ties)
 
     def _run(self, key: Key, call: Call) -> Any:
         kernel: Any = self.kernel(key)
@@ -298,6 +335,13 @@ def build_kernel(program: Program | ArrayProgram | TabledProgram, options: Optio
     from teg.backends.numpy.loops import LaneKernel
 
     return LaneKernel(program, flat)
+
+
+def build_ties(program: Program) -> Any:
+    """Returns a kernel that tells which ties it meets."""
+    from teg.backends.numpy.kernel import compile_numpy
+
+    return compile_numpy(program)
 
 
 def dimensions_of(p: Param | ArrayName) -> int:

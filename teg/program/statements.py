@@ -464,20 +464,23 @@ Stmt = Assign | Integrate | Isolate | Locate | SumOver | Sample | Polygon | Poly
 
 class Outcome(NamedTuple):
     """The results of a run of a program: its outputs, (outputs, n); whether a tolerance was missed anywhere; the number of evaluations of
-    integrands without integrals inside (0 if the kernel was not asked to count); and whether a search found more roots than it has room
-    for."""
+    integrands without integrals inside (0 if the kernel was not asked to count); whether a search found more roots than it has room
+    for; and whether ties were met, of all elements together or of each, (n,)."""
 
     values: np.ndarray
     missed: bool
     evaluations: int
     crowded: bool = False
+    tied: bool | np.ndarray = False
 
 
 @dataclass(frozen=True, slots=True)
 class Tie:
-    """The two surfaces, printed, that a `tie` operation compares. They are for diagnosis."""
+    """The two surfaces, printed, that a `tie` operation compares, and whether it compares them at one place, not along a curve. They are
+    for diagnosis, and for second derivatives on both sides of such a place."""
 
     surfaces: tuple[str, str]
+    at_place: bool = False
 
 
 @dataclass(frozen=True, slots=True)
