@@ -20,12 +20,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from teg.evaluator.arguments import Call
+from teg.ir.expr import Param
 from teg.ir.index import ArrayName
 from teg.numerics.cells import apart
-from teg.passes.differentiate.through_sums import Parameter
+from teg.report.diagnose import Second
 
 if TYPE_CHECKING:
     import numpy as np
@@ -34,9 +35,14 @@ STEP, SINGLE_STEP = 2.0**-36, 2.0**-16
 """The distance to either side, relative to the largest moved number: in double, and in single precision."""
 SAME = 1e-5
 """A relative difference of results that have the same limit."""
+CHANGE = 1e-6
+"""A relative difference of the two sides of a jump."""
+ROUNDING = 1e-10
+"""The rounding of second derivatives, relative to a gradient by relative changes of parameters."""
 RIGHT = 1e-9
 """A relative difference of a result that is right already."""
 
+Argument = Param | ArrayName
 Run = Callable[[Call], Any]
 """A run of a kernel: gives an outcome."""
 
@@ -49,15 +55,15 @@ class Rates:
     arrays: dict[int, Any]
 
 
-def along_product(directions: Sequence[tuple[Parameter, Parameter]], arguments: Sequence[Parameter], call: Call) -> Rates:
+def along_product(directions: Sequence[tuple[Argument, Argument]], arguments: Sequence[Argument], call: Call) -> Rates:
     """Returns the rates of a product: each parameter moves as its component of the direction says."""
-    scalars = [p for p in arguments if not isinstance(p, ArrayName)]
+    scalars = [p for p in arguments if isinstance(p, Param)]
     arrays = [p for p in arguments if isinstance(p, ArrayName)]
     found = Rates({}, {})
     for p, rate in directions:
-        if isinstance(p, ArrayName):
+        if isinstance(p, ArrayName) and isinstance(rate, ArrayName):
             found.arrays[arrays.index(p)] = call.arrays[arrays.index(rate)]
-        else:
+        elif isinstance(p, Param) and isinstance(rate, Param):
             found.columns[scalars.index(p)] = call.columns[scalars.index(rate)]
     return found
 
@@ -96,46 +102,81 @@ class BothSides:
 
         return np.concatenate([np.reshape(v, (len(v), -1)) for v in list(values)[self.which]], axis=1)
 
-    def mean(self, call: Call, rates: Rates) -> tuple[np.ndarray, np.ndarray]:
-        """Returns the mean of both sides, and which of its numbers have a limit."""
+    def means(self, call: Call, rates: Rates) -> tuple[np.ndarray, np.ndarray]:
+        """Returns the mean of both sides, and how far it changes with the distance."""
         import numpy as np
 
         with np.errstate(all="ignore"):
             near, far = (0.5 * (self.beside(call, rates, s) + self.beside(call, rates, -s)) for s in (1.0, 2.0))
-            return 2.0 * near - far, _are_same(near, far)
+            return 2.0 * near - far, np.abs(near - far)
 
 
-def settled(outcome: Any, call: Call, sides: BothSides, rates: Callable[[Call], Sequence[Rates]], meets: Callable[[Call], bool]) -> Any:
-    """Returns an outcome with second derivatives at ties as the mean of both sides.
+class Ways(NamedTuple):
+    """What is asked of an evaluator's program at ties: the directions of a call, one or two; the rounding of its second derivatives, one
+    number for each element; and whether the surfaces of an element meet at places only."""
 
-    `rates` gives the directions, one or two; `meets` says of an element whether its surfaces meet at places only.
-    """
+    rates: Callable[[Call], Sequence[Rates]]
+    rounding: Callable[[Call], np.ndarray]
+    meets: Callable[[Call], bool]
+
+
+def settled(outcome: Any, call: Call, sides: BothSides, ways: Ways) -> Any:
+    """Returns an outcome with second derivatives at ties as the mean of both sides."""
     import numpy as np
 
     tied = _tied(outcome, call, sides.run)
     given = sides.numbers(outcome.values)
     result = given.copy()
     part = taken(call, tied)
-    (means, known), *others = [sides.mean(part, r) for r in rates(part)]
-    sure = known
-    for other, also in others:
-        sure = sure & also & _are_same(means, other)
+    (means, off), *others = [sides.means(part, r) for r in ways.rates(part)]
     with np.errstate(all="ignore"):
-        size = np.abs(np.where(np.isfinite(means), means, 0.0)).max(axis=1, keepdims=True, initial=0.0)
-        changes = ~(np.abs(means - given[tied]) <= RIGHT * size)
+        size = _largest_of(means)
+        off = np.maximum.reduce([off, *(np.maximum(also, np.abs(means - other)) for other, also in others)])
+        sure = off <= SAME * size
+        if not sure.all():
+            sure |= off <= ways.rounding(part)[:, None]
+        right = np.abs(means - given[tied]) <= RIGHT * size
     for row, k in enumerate(tied):
         finite = np.isfinite(given[k])
-        if not sure[row][finite].all() and not meets(taken(call, [k])):
-            continue
-        better = np.where(sure[row], np.where(changes[row], means[row], given[k]), np.nan)
-        result[k] = np.where(finite, better, given[k])
+        if sure[row][finite].all() or ways.meets(taken(call, [k])):
+            better = np.where(sure[row], np.where(right[row], given[k], means[row]), np.nan)
+            result[k] = np.where(finite, better, given[k])
     return outcome._replace(values=_with_numbers(outcome.values, sides.which, result))
+
+
+def told(given: np.ndarray, call: Call, sides: BothSides, ways: Ways) -> list[Second]:
+    """Returns what is known of the second derivatives of each element, `given` as (elements, numbers)."""
+    import numpy as np
+
+    rates = ways.rates(call)[0]
+    with np.errstate(all="ignore"):
+        above, below, beyond, farther = (sides.beside(call, rates, s) for s in (1.0, -1.0, 2.0, -2.0))
+        size, rounding = np.maximum(_largest_of(above), _largest_of(below)), ways.rounding(call)[:, None]
+        change, longer = np.abs(above - below), np.abs(beyond - farther)
+        jumps = (change > np.maximum(CHANGE * size, rounding)) & ~(longer > 1.5 * change)
+        is_mean = np.abs(given - 0.5 * (above + below)) <= np.maximum(SAME * size, rounding)
+    finite = np.isfinite(given).all(axis=1)
+    jumps &= (finite | np.isnan(given).any(axis=1))[:, None] & np.isfinite(change)
+    is_mean |= ~np.isfinite(change) | (longer > 1.5 * change)
+    return [Second(bool(f), bool(j.any()), bool(m.all())) for f, j, m in zip(finite, jumps, is_mean, strict=True)]
+
+
+def rounding_of(gradient: np.ndarray, call: Call, rates: Rates) -> np.ndarray:
+    """Returns a size below which second derivatives may be rounding errors, for each element; from its gradient, (elements, numbers)."""
+    import numpy as np
+
+    most, fastest = _sizes(call, rates)
+    finite = np.where(np.isfinite(gradient), np.abs(gradient), 0.0)
+    return np.asarray(ROUNDING * finite.max(axis=1, initial=0.0) * fastest / most)
 
 
 def gradient_is_same(sides: BothSides, call: Call) -> bool:
     """Returns whether a gradient is the same on both sides of a place."""
-    rates = without_order(call, 0)
-    return bool(_are_same(sides.beside(call, rates, 1.0), sides.beside(call, rates, -1.0)).all())
+    import numpy as np
+
+    one, other = (sides.beside(call, without_order(call, 0), s) for s in (1.0, -1.0))
+    with np.errstate(all="ignore"):
+        return bool((np.abs(one - other) <= SAME * np.maximum(_largest_of(one), _largest_of(other))).all())
 
 
 def taken(call: Call, elements: Sequence[int]) -> Call:
@@ -149,18 +190,24 @@ def taken(call: Call, elements: Sequence[int]) -> Call:
     return call._replace(columns=columns, arrays=arrays, n=len(which), shape=(len(which),), integers=integers)
 
 
+def only(call: Call, arguments: Sequence[Argument], kept: Sequence[Argument]) -> Call:
+    """Returns a call with some of its arguments."""
+    scalars = [p for p in arguments if isinstance(p, Param)]
+    arrays = [p for p in arguments if isinstance(p, ArrayName)]
+    numbers = [scalars.index(p) for p in kept if isinstance(p, Param)]
+    data = [arrays.index(p) for p in kept if isinstance(p, ArrayName)]
+    integers = {numbers.index(k): v for k, v in call.integers.items() if k in numbers}
+    names, columns = [call.names[k] for k in numbers], [call.columns[k] for k in numbers]
+    return Call(names, columns, [call.arrays[k] for k in data], call.n, call.shape, [call.shapes[k] for k in data], integers)
+
+
 def moved(call: Call, rates: Rates, steps: float) -> Call:
     """Returns a call beside another one."""
     import numpy as np
 
-    pairs = [(call.columns[k], r, 0) for k, r in rates.columns.items()]
-    pairs += [(call.arrays[k], r, len(call.shapes[k])) for k, r in rates.arrays.items()]
-    most, fastest = np.zeros(call.n), np.zeros(call.n)
-    for value, rate, dimensions in pairs:
-        most = np.maximum(most, _largest(np.where(np.asarray(rate) != 0.0, value, 0.0), dimensions))
-        fastest = np.maximum(fastest, _largest(rate, dimensions))
+    most, fastest = _sizes(call, rates)
     single = any(c.dtype == np.float32 for c in call.columns)
-    step = steps * (SINGLE_STEP if single else STEP) * np.where(most > 0.0, most, 1.0) / np.where(fastest > 0.0, fastest, 1.0)
+    step = steps * (SINGLE_STEP if single else STEP) * most / fastest
     columns, arrays = list(call.columns), list(call.arrays)
     for k, rate in rates.columns.items():
         columns[k] = np.asarray(columns[k] + step * rate, dtype=columns[k].dtype)
@@ -177,14 +224,24 @@ def _largest(values: Any, dimensions: int) -> np.ndarray:
     return np.asarray(sizes.max(axis=tuple(range(sizes.ndim - dimensions, sizes.ndim)), initial=0.0))
 
 
-def _are_same(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Returns which numbers are the same, relative to the largest one of the element."""
+def _sizes(call: Call, rates: Rates) -> tuple[np.ndarray, np.ndarray]:
+    """Returns the largest number that moves, and the largest rate, of each element; 1 in the place of 0."""
     import numpy as np
 
-    with np.errstate(all="ignore"):
-        both = np.maximum(np.abs(one), np.abs(other))
-        size = np.where(np.isfinite(both), both, 0.0).max(axis=1, keepdims=True, initial=0.0)
-        return np.abs(one - other) <= SAME * np.maximum(size, 1e-300)
+    most, fastest = np.zeros(call.n), np.zeros(call.n)
+    pairs = [(call.columns[k], r, 0) for k, r in rates.columns.items()]
+    pairs += [(call.arrays[k], r, len(call.shapes[k])) for k, r in rates.arrays.items()]
+    for value, rate, dimensions in pairs:
+        most = np.maximum(most, _largest(np.where(np.asarray(rate) != 0.0, value, 0.0), dimensions))
+        fastest = np.maximum(fastest, _largest(rate, dimensions))
+    return np.where(most > 0.0, most, 1.0), np.where(fastest > 0.0, fastest, 1.0)
+
+
+def _largest_of(numbers: np.ndarray) -> np.ndarray:
+    """Returns the size of the largest finite number of each element, (elements, 1)."""
+    import numpy as np
+
+    return np.asarray(np.abs(np.where(np.isfinite(numbers), numbers, 0.0)).max(axis=1, keepdims=True, initial=0.0))
 
 
 def _tied(outcome: Any, call: Call, run: Run) -> list[int]:

@@ -11,7 +11,19 @@ from teg.analysis.bodies import write_all_out
 from teg.analysis.settings import Integration, with_more_room
 from teg.evaluator.accuracy import has_samples, report_missed, report_not_a_number
 from teg.evaluator.arguments import Call, whole_numbers
-from teg.evaluator.both_sides import BothSides, Rates, along_product, gradient_is_same, settled, without_order
+from teg.evaluator.both_sides import (
+    Argument,
+    BothSides,
+    Rates,
+    Ways,
+    along_product,
+    gradient_is_same,
+    only,
+    rounding_of,
+    settled,
+    told,
+    without_order,
+)
 from teg.evaluator.options import Options
 from teg.evaluator.plan import GRADIENT, GRADIENT_ALONE, HESSIAN, ORDERS, VALUE, Kept, Plan, Wanted, derivative_of_order
 from teg.evaluator.runs import ListedPlan, RunsKernel
@@ -23,6 +35,7 @@ from teg.maps.checks import MapChecks
 from teg.program import Outcome, Program
 from teg.program.arrays import ArrayProgram
 from teg.program.tabled import TabledProgram
+from teg.report.diagnose import Second
 
 if TYPE_CHECKING:
     import numpy as np
@@ -210,17 +223,34 @@ class Kernels:
         wanted, plan = key.wanted, self.plan
         if key.counted or plan.options.estimator.name != "exact" or not (wanted == HESSIAN or (len(wanted.along) == 1 and wanted.orders)):
             return outcome
-        sides = self.sides(key, wanted, len(outcome.values))
+        return settled(outcome, call, self._sides(key, wanted, len(outcome.values)), self._ways(key))
 
-        def rates(part: Call) -> list[Rates]:
+    def seconds(self, wanted: Wanted, call: Call) -> list[Second]:
+        """Returns what is known of the second derivatives of each element."""
+        key = Key(wanted)
+        values = self.outcome(key, call).values
+        sides = self._sides(key, wanted, len(values))
+        return told(sides.numbers(values), call, sides, self._ways(key))
+
+    def _ways(self, key: Key) -> Ways:
+        """Returns what is asked of a program of second derivatives at ties."""
+        wanted, derivation = key.wanted, self.plan.derivation
+
+        def rates(call: Call) -> list[Rates]:
             if not wanted.along:
-                return [without_order(part, seed) for seed in (0, 1)]
-            (direction,) = plan.derivation.directions(wanted)
-            return [along_product(list(direction.items()), plan.derivation.arguments(wanted), part)]
+                return [without_order(call, seed) for seed in (0, 1)]
+            (direction,) = derivation.directions(wanted)
+            moving = cast("list[tuple[Argument, Argument]]", [*direction.items()])
+            return [along_product(moving, derivation.arguments(wanted), call)]
 
-        return settled(outcome, call, sides, rates, partial(self._meets_at_places, key))
+        def rounding(call: Call) -> np.ndarray:
+            given = only(call, derivation.arguments(wanted), derivation.arguments(GRADIENT))
+            gradient = self._sides(key, GRADIENT).numbers(self._run(Key(GRADIENT), given).values)
+            return rounding_of(gradient, call, rates(call)[0])
 
-    def sides(self, key: Key, wanted: Wanted, results: int = 0) -> BothSides:
+        return Ways(rates, rounding, partial(self._meets_at_places, key))
+
+    def _sides(self, key: Key, wanted: Wanted, results: int = 0) -> BothSides:
         """Returns the kernel's runs beside a place, and which of so many `results` are what is wanted: the Hessian, the gradient before it,
         or the product."""
         entries = len(self.plan.entries) if key.entry is None else 1
@@ -234,7 +264,7 @@ class Kernels:
         both sides; False for a program with loops."""
         if self.plan.has_loops:
             return False
-        if not key.wanted.along and not gradient_is_same(self.sides(key, GRADIENT), call):
+        if not key.wanted.along and not gradient_is_same(self._sides(key, GRADIENT), call):
             return False
         program = cast(Program, self.plan.program(key.wanted, key.entry, False, self.room(key)))
         ties = self._ties.get(key, lambda: build_ties(program)).met_ties(call.doubles, 1)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from teg.numerics.arrangement import Arrangement
-from teg.numerics.cells import SHIFT, SKEW, Layout, Row
+from teg.numerics.cells import PARTING, SHIFT, SKEW, Layout, Row
 from teg.numerics.measured import Measured
 
 
@@ -30,12 +30,37 @@ def integrals(shape: Layout, candidates: Sequence[Row], otherwise: Row, slopes: 
     values, sizes = measured.values()
     if not slopes and not shape.order:
         return Integrals(values, sizes, [])
-    tables = measured.tables()
-    if here.touching or here.concurrent:
-        tables = _means(here, candidates, otherwise)
+    tables = _tables(here, candidates, otherwise, measured)
+    speed = measured.parting() if shape.order and here.guarded and not here.undefined else 0.0
+    if speed > 0.0:
+        tables = _parted(shape, candidates, otherwise, PARTING / speed)
     if shape.order:
         values = [_along(table, shape, k, candidates, otherwise) for k, table in enumerate(tables)]
     return Integrals(values, sizes, tables)
+
+
+def _tables(here: Arrangement, candidates: Sequence[Row], otherwise: Row, measured: Measured) -> list[list[list[float]]]:
+    """Returns the tables of a square, or the mean of both sides."""
+    return _means(here, candidates, otherwise) if here.touching or here.concurrent else measured.tables()
+
+
+def _parted(shape: Layout, candidates: Sequence[Row], otherwise: Row, step: float) -> list[list[list[float]]]:
+    """Returns the tables of a square in which lines through one place part along the direction: the mean of both sides, 2·M(h) - M(2h)."""
+    found = []
+    for h in (step, -step, 2.0 * step, -2.0 * step):
+        rows, rest = [_moved(row, h) for row in candidates], _moved(otherwise, h)
+        there = Arrangement(shape, rows)
+        found.append(_tables(there, rows, rest, Measured(shape, there, rows, rest)))
+    return [
+        [[a + b - 0.5 * (c + d) for a, b, c, d in zip(*rows, strict=True)] for rows in zip(*tables, strict=True)]
+        for tables in zip(*found, strict=True)
+    ]
+
+
+def _moved(row: Row, step: float) -> Row:
+    """Returns a row with its numbers moved along their direction."""
+    half = len(row) // 2
+    return [*(v + step * d for v, d in zip(row[:half], row[half:], strict=True)), *row[half:]]
 
 
 def _means(here: Arrangement, candidates: Sequence[Row], otherwise: Row) -> list[list[list[float]]]:

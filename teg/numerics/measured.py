@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from teg.numerics.arrangement import Arrangement, Cell, Line
-from teg.numerics.cells import BOX, EPSILON, NO_OWNER, PLACES, SAME, Form, Layout, Point, Row, monomials
+from teg.numerics.cells import BOX, EPSILON, NO_OWNER, PARTED, PLACES, SAME, Form, Layout, Point, Row, monomials
 from teg.numerics.quadrature import gauss_legendre, triangle_rule
 
 
@@ -81,6 +81,25 @@ class Measured:
             else:  # a corner on a straight line
                 found.append((0.5 * (r * e + s * g), 0.5 * (r * f + s * h)))
         return found
+
+    def parting(self) -> float:
+        """Returns the largest speed with which a corner leaves another line that it lies on; 0 if all of them stay."""
+        fastest = 0.0
+        for cell in self.arrangement.cells:
+            for (x, y), (p, q) in zip(cell.corners, self.velocities(cell), strict=True):
+                for number, line in enumerate(self.arrangement.lines):
+                    c, a, b = line.unit
+                    if abs(c + a * x + b * y) > EPSILON or not self._holds((x, y), self.arrangement.guards.get(number, ())):
+                        continue
+                    d, e, f = self._rate(number)
+                    parts = (d, e * x, f * y, a * p, b * q)
+                    speed = abs(sum(parts))
+                    fastest = max(fastest, speed) if speed > PARTED * sum(map(abs, parts)) else fastest
+        return fastest
+
+    def _holds(self, at: Point, lines: Sequence[int]) -> bool:
+        """Returns whether guards hold at a place."""
+        return all(c + a * at[0] + b * at[1] >= -EPSILON for c, a, b in (self.arrangement.lines[line].unit for line in lines))
 
     def _all_moments(self) -> dict[int, tuple[list[float], list[float]]]:
         """Returns the moments of every owner's cells, and their derivatives along the direction."""

@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     Numbers = npt.NDArray[np.float64]
 
 
-CREASE = "a surface meets a corner or another surface: second derivatives differ from side to side, and their mean is given"
 MOST_EVALUATIONS = 2**24
 """The largest number of evaluations of a gradient that is looked into: a diagnosis takes a dozen of them."""
 NOT_LOOKED_AT = (
@@ -47,7 +46,7 @@ class NumberWatch:
     """The program of derivatives, and of the conditions on parameters. Values may take far more evaluations: they are known from the call,
     and their changes are looked at only where a condition on parameters is at its border.
 
-    `outputs` begin with the values and the first derivatives, called `names`; the first `first_order` results are those derivatives.
+    `outputs` are the values and the first derivatives, called `names`.
     Derivatives are taken by `wrt`; `parameters` are the arguments.
     """
 
@@ -62,14 +61,14 @@ class NumberWatch:
     ) -> None:
         from teg.backends.numpy.kernel import compile_numpy
 
-        leaves = [leaf for output in outputs[1:] for leaf in flatten(output)]
+        leaves = flatten(outputs[1])
         self.expression, self.names, self.parameters = e, names, parameters
         self._value = flatten(outputs[0])
-        self._outputs, self._how = [leaf for output in outputs[:2] for leaf in flatten(output)], how
+        self._outputs, self._how = [leaf for output in outputs for leaf in flatten(output)], how
         self.wrt = {p.name for p in wrt}
         self.program = program_for([*leaves, *_probes(e)], parameters, how, about=About(differentiated=flatten(outputs[0])))
         self.kernel = compile_numpy(self.program, most=MOST_EVALUATIONS)
-        self.results, self.first_order = len(leaves), len(names) - len(flatten(e))
+        self.results = len(leaves)
         self.searched = any(isinstance(s, Isolate) for s in statements(self.program.body))  # roots that meet to rounding are a tangency
 
     def look(self, at: Element) -> Look:
@@ -83,16 +82,18 @@ class NumberWatch:
         if ended:
             message = NOT_LOOKED_AT.format(MOST_EVALUATIONS)
             return Look(results[: self.results], [Diagnosis("not looked at", (), at.values, message, at.number)], STEP)
-        results, differ = results[: self.results], np.zeros(self.results, dtype=bool)
-        here = results[: self.first_order, 0]
+        results, differ = results[: self.results], False
+        here = results[:, 0]
         if met:
             one, other = (self.kernel.in_order(at.columns, 1, order)[: self.results, 0] for order in (1, -1))
-            differ = ~np.isclose(one, other, rtol=1e-9, atol=1e-12, equal_nan=True)
+            differ = not np.isclose(one, other, rtol=1e-9, atol=1e-12, equal_nan=True).all()
         pairs = [self.program.ties[k].surfaces for k in met]
-        pairs = _once([pair for pair in pairs if pair[1] == BORDER or differ[: self.first_order].any()])
+        pairs = _once([pair for pair in pairs if pair[1] == BORDER or differ])
         ties: list[Diagnosis] = []
-        if differ.any() and not differ[: self.first_order].any():  # surfaces that meet on the boundary: their formulas are the compiler's
-            ties = [Diagnosis("second derivative", (), at.values, CREASE, at.number)]
+        if (
+            at.second and at.second.finite and at.second.message and not differ
+        ):  # surfaces that meet on the boundary: their formulas are the compiler's
+            ties = [Diagnosis("second derivative", (), at.values, at.second.message, at.number)]
         if pairs:
             finite = all(np.isfinite(v) for v in at.values.values()) and np.isfinite(here).all()
             moves = []
@@ -111,19 +112,19 @@ class NumberWatch:
         """Returns diagnoses of infinite derivatives, and of values and derivatives that are NaN."""
         import numpy as np
 
-        first, second = np.concatenate([at.computed, look.results[: self.first_order, 0]]), look.results[self.first_order :]
+        first = np.concatenate([at.computed, look.results[:, 0]])
         kind, message = "", ""
         if np.isinf(first).any():
             kind, message = "infinite derivative", "a derivative is infinite here: a region is born or meets a pole"
         elif np.isnan(first).any():
             kind, message = "not a number", f"{self.names[int(np.argmax(np.isnan(first)))]} is not a number here"
-        elif not np.isfinite(second).all():
-            kind, message = "second derivative", "a second derivative is infinite, or not a number, here"
+        elif at.second and not at.second.finite and not look.ties:
+            kind, message = "second derivative", at.second.message
         return [Diagnosis(kind, (), at.values, message, at.number)] if kind else []
 
     def one_sided(self, look: Look, at: Element) -> list[Diagnosis]:
         """Returns a diagnosis of the largest change along each parameter."""
-        first = {m.parameter: m for m in reversed(self._moves(self.kernel, at, look.results[: self.first_order, 0], look.step))}
+        first = {m.parameter: m for m in reversed(self._moves(self.kernel, at, look.results[:, 0], look.step))}
         found = []
         for move in reversed(first.values()):
             place = f"within {move.step:.1e} of {move.parameter} = {at.values[move.parameter]:.6g}"

@@ -87,13 +87,14 @@ typedef struct {
    stack, and move to the heap as they grow. `nudge`: how far keys are taken apart; `guarded`: guards have lines in the square; `tied`: something
    else has the line of an edge on which two keys are equal; `ambiguous`: such an edge has no derivative; `concurrent`: more keys are equal at
    one place than have a second derivative there, 2 if it has no two sides; `alone`: it is known that no two regions have one line; `last`:
-   the last region is being inserted, and cells of the base need not be there. */
+   the last region is being inserted, and cells of the base need not be there; `cornered`: a corner lies on a line that is no edge of its cell;
+   `parting`: the largest speed with which such a corner leaves the line along the direction. */
 typedef struct {
     const teg_shape *shape;
     const double *rows;
     int64_t n;
-    double su, sv, nudge, u[2], v[2];
-    int touching, concurrent, guarded, undefined, failed, tied, ambiguous, alone, last;
+    double su, sv, nudge, parting, u[2], v[2];
+    int touching, concurrent, guarded, undefined, failed, tied, ambiguous, alone, last, cornered;
     int64_t base;
     teg_cell *cells;
     size_t cell_count, cell_room;

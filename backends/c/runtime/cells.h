@@ -52,6 +52,33 @@ static void teg_velocities(const teg_arrangement *r, const teg_cell *cell, doubl
     }
 }
 
+//: teg_note_parting
+/* Note with which speed corners of cells leave other lines that they lie on, the sides of the square among them. */
+static void teg_note_parting(teg_arrangement *r)
+{
+    for (size_t k = 0; k < r->cell_count; k++) {
+        const teg_cell *const cell = r->cells + k;
+        if (!teg_room_in_scratch(r, (size_t)cell->n + 2)) return;
+        teg_velocities(r, cell, r->px, r->py);
+        for (int i = 0; i < cell->n; i++) {
+            const double x = r->x[cell->at + i], y = r->y[cell->at + i];
+            for (size_t line = 0; line < r->line_count; line++) {
+                const teg_line *const on = r->lines + line;
+                double g[3], part[5], speed, size = 0.0;
+                int held = fabs(on->c + on->a * x + on->b * y) <= TEG_ON_LINE;
+                for (int guard = on->first; held && guard < on->end; guard++)
+                    held = r->lines[guard].c + r->lines[guard].a * x + r->lines[guard].b * y >= -TEG_ON_LINE;
+                if (!held) continue;
+                teg_rate(r, on, g);
+                part[0] = g[0], part[1] = g[1] * x, part[2] = g[2] * y, part[3] = on->a * r->px[i], part[4] = on->b * r->py[i];
+                speed = fabs(part[0] + part[1] + part[2] + part[3] + part[4]);
+                for (int j = 0; j < 5; j++) size += fabs(part[j]);
+                if (speed > TEG_PARTED * size) r->parting = teg_most_of(r->parting, speed);
+            }
+        }
+    }
+}
+
 //: teg_piece_moments
 /* Add the moments of a piece: its triangles are computed side by side. Returns 0 where that is not to be had. */
 static inline int teg_piece_moments(const teg_shape *s, const double *x, const double *y, double *m)
@@ -225,6 +252,7 @@ static void teg_measure(teg_arrangement *r, const double *otherwise, double *val
     int known = 1;
     if (r->undefined) return;
     if (tables && !whole) teg_find_twins(r);
+    if (s->order && r->cornered && r->guarded) teg_note_parting(r);
     for (int j = 0; j < half; j++) known &= isfinite(f[j]) && (!s->order || isfinite(df[j]));
     for (int total = 0, at = 0; total <= s->degree; total++)
         for (int j = 0; j <= total; j++, at++) rest[at] = teg_power(r->u, total - j + 1) * teg_power(r->v, j + 1), change[at] = 0.0;
@@ -367,8 +395,8 @@ typedef struct {
 static void teg_begin(teg_room *w, const teg_shape *shape, int64_t n, const double *rows)
 {
     teg_arrangement *const r = &w->r;
-    r->su = r->sv = r->nudge = r->u[0] = r->v[0] = 0.0;
-    r->touching = r->concurrent = r->guarded = r->undefined = r->failed = r->tied = r->ambiguous = r->alone = r->last = 0;
+    r->su = r->sv = r->nudge = r->parting = r->u[0] = r->v[0] = 0.0;
+    r->touching = r->concurrent = r->guarded = r->undefined = r->failed = r->tied = r->ambiguous = r->alone = r->last = r->cornered = 0;
     r->base = -1, r->cell_count = r->line_count = r->region_count = r->used = 0;
     r->bound_room = r->pending_room = r->twin_count = r->twin_room = 0, r->bounds = 0;
     r->bound = NULL, r->twins = NULL, r->pending = NULL;
@@ -427,6 +455,53 @@ static void teg_no_slopes(const teg_shape *s, int64_t n, double *tables)
         if (s->order || (int)(k % (size_t)columns) < forms) tables[k] = NAN;
 }
 
+//: teg_tables
+/* Add values, sizes (or NULL) and tables (or NULL, else 0 before) of an arrangement that was begun. */
+static void teg_tables(teg_arrangement *r, const double *otherwise, double *values, double *sizes, double *tables)
+{
+    const teg_shape *const s = TEG_SHAPE(r->shape);
+    const size_t size = teg_table_size(s, r->n);
+    teg_tile(r, NULL, r->n * s->parts, 0, 0, otherwise, (double *const[]){values, sizes, tables});
+    if (tables && teg_is_moved_later(r)) teg_moved_tables(r, otherwise, tables);
+    for (size_t k = 0; tables && r->undefined && k < size; k++) tables[k] = NAN;
+    if (tables && r->ambiguous) teg_no_slopes(s, r->n, tables);
+}
+
+//: teg_move_numbers
+/* Numbers that are moved along the direction which follows them. */
+static void teg_move_numbers(const double *from, int count, double step, double *to)
+{
+    for (int j = 0; j < count; j++) to[j] = from[j] + step * from[count + j], to[count + j] = from[count + j];
+}
+
+//: teg_parted_tables
+/* The tables of a square in which lines through one place part along the direction: the mean of both sides, 2 M(h) - M(2h). */
+static void teg_parted_tables(teg_arrangement *r, const double *otherwise, double *tables)
+{
+    const teg_shape *const s = TEG_SHAPE(r->shape);
+    const size_t size = teg_table_size(s, r->n);
+    const int row = teg_row(s), half = s->bodies * teg_coefficients(s);
+    const double *const rows = r->rows, step = TEG_PARTING / r->parting, factors[4] = {1.0, -1.0, 2.0, -2.0};
+    double *const moved = malloc(((size_t)r->n * (size_t)row + 2 * (size_t)half + size) * sizeof *moved);
+    double *const rest = moved + (size_t)r->n * (size_t)row, *const found = rest + 2 * half;
+    if (!moved) {
+        r->failed = 1;
+        return;
+    }
+    for (size_t k = 0; k < size; k++) tables[k] = 0.0;
+    for (int side = 0; side < 4 && !r->failed; side++) {
+        for (int64_t k = 0; k < r->n; k++) teg_move_numbers(rows + k * row, row / 2, factors[side] * step, moved + k * row);
+        teg_move_numbers(otherwise, half, factors[side] * step, rest);
+        for (size_t k = 0; k < size; k++) found[k] = 0.0;
+        r->rows = moved, r->su = r->sv = r->nudge = 0.0;
+        r->touching = r->concurrent = r->undefined = r->ambiguous = r->cornered = 0;
+        teg_tables(r, rest, NULL, NULL, found);
+        for (size_t k = 0; k < size; k++) tables[k] += side < 2 ? found[k] : -0.5 * found[k];
+    }
+    r->rows = rows;
+    free(moved);
+}
+
 //: teg_cells
 /* Values, sizes (or NULL) and tables (or NULL) of n candidates. Returns 1 without memory, else 0. */
 static int teg_cells(
@@ -452,14 +527,12 @@ static int teg_cells(
     }
     if (!r->failed) {
         for (size_t k = 0; tables && k < size; k++) tables[k] = 0.0;
-        teg_tile(r, NULL, n * s->parts, 0, 0, otherwise, (double *const[]){values, sizes, tables});
-        if (tables && teg_is_moved_later(r)) teg_moved_tables(r, otherwise, tables);
-        for (size_t k = 0; tables && r->undefined && k < size; k++) tables[k] = NAN;
-        if (tables && r->ambiguous) teg_no_slopes(s, n, tables);
-        for (int body = 0; body < s->bodies; body++) {
-            if (r->undefined) values[body] = NAN;
-            else if (s->order) values[body] = teg_along_direction(r, body, otherwise, tables + (size_t)body * size / (size_t)s->bodies);
-        }
+        teg_tables(r, otherwise, values, sizes, tables);
+        for (int body = 0; body < s->bodies && r->undefined; body++) values[body] = NAN;
+        if (s->order && r->parting > 0.0 && !r->undefined && !r->failed) teg_parted_tables(r, otherwise, tables);
+        for (int body = 0; s->order && body < s->bodies; body++)
+            if (!isnan(values[body]))
+                values[body] = teg_along_direction(r, body, otherwise, tables + (size_t)body * size / (size_t)s->bodies);
     }
     free(own);
     teg_end(r);
