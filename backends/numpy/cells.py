@@ -16,7 +16,7 @@ from teg.backends.numpy.measured import Measured, Numbers
 from teg.backends.numpy.parting import parting
 from teg.backends.numpy.tiles import tiled
 from teg.numerics.cell_integrals import integrals
-from teg.numerics.cells import NO_OWNER, PARTING, SHIFT, SKEW, Layout, monomials
+from teg.numerics.cells import LIMIT, NO_OWNER, PARTING, SHIFT, SKEW, Layout, monomials
 
 Array = npt.NDArray[Any]
 CHUNK = 4096
@@ -94,15 +94,19 @@ def _cut(shape: Layout, given: Lanes, slopes: bool) -> Results:
     """Computes lanes that are cut; where lines through one place part along the direction, derivatives are the mean of both sides."""
     found, speeds = _beside(shape, given, slopes)
     lanes = np.flatnonzero(speeds > 0.0)
-    if not lanes.size:
+    if not lanes.size or not slopes:
         return found
     some, places = given.take(lanes)
     steps = PARTING / speeds[lanes]
     sides = [_beside(shape, _moved(shape, some, factor * steps), True)[0].tables for factor in (1.0, -1.0, 2.0, -2.0)]
-    numbers = _numbers(shape, given)
-    for k, (table, one, other, far, farther) in enumerate(zip(found.tables, *sides, strict=True)):
-        table[places] = one + other - 0.5 * (far + farther)
-        found.values[k] = _along(shape, table, k, (given, numbers))
+    lane, own = np.repeat(np.arange(len(lanes)), some.counts + 1), shape.columns
+    for table, *several in zip(found.tables, *sides, strict=True):
+        one, other, far, farther = (t[:, :own] for t in several)
+        near, far = 0.5 * (one + other), 0.5 * (far + farther)
+        size = np.zeros(len(lanes))
+        np.maximum.at(size, lane, np.abs(np.where(np.isfinite(near), near, 0.0)).max(axis=1, initial=0.0))
+        known = ~np.isnan(table[places, :own]) & (np.abs(near - far) <= LIMIT * size[lane][:, None])
+        table[places, :own] = np.where(known, 2.0 * near - far, np.nan)
     return found
 
 
@@ -136,8 +140,8 @@ def _beside(shape: Layout, given: Lanes, slopes: bool) -> tuple[Results, Array]:
             table[places] = np.where(lost, np.nan, 0.5 * (one + other))
     if shape.order:
         values = np.stack([_along(shape, table, k, (given, numbers)) for k, table in enumerate(tables)])
-    speeds = np.where(guarded, parting(measured, len(given.counts)), 0.0) if shape.order else np.zeros(len(given.counts))
-    return Results(values, sizes, tables if slopes or shape.order else []), speeds
+    speeds = np.where(guarded, parting(measured, len(given.counts)), 0.0) if shape.order and slopes else np.zeros(len(given.counts))
+    return Results(values, sizes, tables if slopes else []), speeds
 
 
 def _measured(shape: Layout, given: Lanes, numbers: Numbers, moved: Moved) -> tuple[Measured, Array, Array, Array]:

@@ -12,6 +12,7 @@ from teg.backends.c.text import identifiers
 from teg.numerics.cells import (
     BESIDE,
     EPSILON,
+    LIMIT,
     MOST_DEGREE,
     MOST_GUARDS,
     NUDGE,
@@ -180,6 +181,7 @@ LIMITS = {
     "TEG_ANGLES": 10.0**PLACES,
     "TEG_GUARDS": MOST_GUARDS,
     "TEG_NUDGE": NUDGE,
+    "TEG_LIMIT": LIMIT,
     "TEG_PARTED": PARTED,
     "TEG_PARTING": PARTING,
     "TEG_SHIFT": SHIFT,

@@ -475,28 +475,39 @@ static void teg_move_numbers(const double *from, int count, double step, double 
 }
 
 //: teg_parted_tables
-/* The tables of a square in which lines through one place part along the direction: the mean of both sides, 2 M(h) - M(2h). */
+/* Second derivatives in the tables of a square in which lines through one place part along the direction: the mean of both sides,
+   2 M(h) - M(2h). */
 static void teg_parted_tables(teg_arrangement *r, const double *otherwise, double *tables)
 {
     const teg_shape *const s = TEG_SHAPE(r->shape);
-    const size_t size = teg_table_size(s, r->n);
+    const size_t size = teg_table_size(s, r->n), columns = (size_t)(teg_forms(s) + teg_coefficients(s));
     const int row = teg_row(s), half = s->bodies * teg_coefficients(s);
     const double *const rows = r->rows, step = TEG_PARTING / r->parting, factors[4] = {1.0, -1.0, 2.0, -2.0};
-    double *const moved = malloc(((size_t)r->n * (size_t)row + 2 * (size_t)half + size) * sizeof *moved);
-    double *const rest = moved + (size_t)r->n * (size_t)row, *const found = rest + 2 * half;
+    double *const moved = malloc(((size_t)r->n * (size_t)row + 2 * (size_t)half + 3 * size) * sizeof *moved);
+    double *const rest = moved + (size_t)r->n * (size_t)row, *const found = rest + 2 * half, *const near = found + size, *const far = near + size;
     if (!moved) {
         r->failed = 1;
         return;
     }
-    for (size_t k = 0; k < size; k++) tables[k] = 0.0;
+    for (size_t k = 0; k < 2 * size; k++) near[k] = 0.0;
     for (int side = 0; side < 4 && !r->failed; side++) {
+        double *const to = side < 2 ? near : far;
         for (int64_t k = 0; k < r->n; k++) teg_move_numbers(rows + k * row, row / 2, factors[side] * step, moved + k * row);
         teg_move_numbers(otherwise, half, factors[side] * step, rest);
         for (size_t k = 0; k < size; k++) found[k] = 0.0;
         r->rows = moved, r->su = r->sv = r->nudge = 0.0;
         r->touching = r->concurrent = r->undefined = r->ambiguous = r->cornered = 0;
         teg_tables(r, rest, NULL, NULL, found);
-        for (size_t k = 0; k < size; k++) tables[k] += side < 2 ? found[k] : -0.5 * found[k];
+        for (size_t k = 0; k < size; k++) to[k] += 0.5 * found[k];
+    }
+    for (size_t first = 0; first < size; first += size / (size_t)s->bodies) {
+        const size_t last = first + size / (size_t)s->bodies;
+        double most = 0.0;
+        for (size_t k = first; k < last; k++)
+            if (k / columns % 2 == 0 && isfinite(near[k])) most = teg_most_of(most, fabs(near[k]));
+        for (size_t k = first; k < last; k++)
+            if (k / columns % 2 == 0 && !isnan(tables[k]))
+                tables[k] = fabs(near[k] - far[k]) <= TEG_LIMIT * most ? 2.0 * near[k] - far[k] : NAN;
     }
     r->rows = rows;
     free(moved);
@@ -528,11 +539,11 @@ static int teg_cells(
     if (!r->failed) {
         for (size_t k = 0; tables && k < size; k++) tables[k] = 0.0;
         teg_tables(r, otherwise, values, sizes, tables);
-        for (int body = 0; body < s->bodies && r->undefined; body++) values[body] = NAN;
-        if (s->order && r->parting > 0.0 && !r->undefined && !r->failed) teg_parted_tables(r, otherwise, tables);
-        for (int body = 0; s->order && body < s->bodies; body++)
-            if (!isnan(values[body]))
-                values[body] = teg_along_direction(r, body, otherwise, tables + (size_t)body * size / (size_t)s->bodies);
+        for (int body = 0; body < s->bodies; body++) {
+            if (r->undefined) values[body] = NAN;
+            else if (s->order) values[body] = teg_along_direction(r, body, otherwise, tables + (size_t)body * size / (size_t)s->bodies);
+        }
+        if (s->order && r->parting > 0.0 && !own && !r->undefined && !r->failed) teg_parted_tables(r, otherwise, tables);
     }
     free(own);
     teg_end(r);
