@@ -93,7 +93,7 @@ def _single(shape: Layout, given: Lanes, lane: int, results: Results) -> None:
 def _cut(shape: Layout, given: Lanes, slopes: bool) -> Results:
     """Computes lanes that are cut; where lines through one place part along the direction, derivatives are the mean of both sides."""
     found, speeds = _beside(shape, given, slopes)
-    lanes = np.flatnonzero(speeds > 0.0)
+    lanes = np.flatnonzero(speeds)
     if not lanes.size or not slopes:
         return found
     some, places = given.take(lanes)

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from teg.backends.numpy.arrangement import Arrangements
 from teg.backends.numpy.measured import Measured
-from teg.numerics.cells import BOX, EPSILON, PARTED, SIDES
+from teg.numerics.cells import BOX, EPSILON, PARALLEL, PARTED, SIDES, SLOW
 
 Array = npt.NDArray[Any]
 
@@ -26,32 +26,47 @@ class _Lines(NamedTuple):
 
 
 class _Corners(NamedTuple):
-    """Corners of cells: lane, place and velocity (n, 2)."""
+    """Corners of cells: lane, place and velocity (n, 2), and the unit forms of the lines of both edges (n, 2, 3)."""
 
     lane: Array
     at: Array
     speed: Array
+    edges: Array
+
+    def take(self, which: Array) -> _Corners:
+        return _Corners(*(field[which] for field in self))
 
 
 def parting(measured: Measured, lanes: int) -> Array:
-    """Returns the largest speed with which a corner leaves another line that it lies on, for each square; 0 if all of them stay."""
+    """Returns the largest speed with which a corner leaves another line that it lies on, for each square; 0 if all of them stay,
+    NaN if it is too slow."""
     cells = measured.cells
     cell, place = np.nonzero(cells.polygons.used())
-    corners = _Corners(cells.lane[cell], cells.polygons.corners[cell, place], measured.speed[cell, place])
-    fastest = np.zeros(lanes)
+    labels = cells.polygons.labels
+    before = np.where(place > 0, place, cells.polygons.sizes[cell]) - 1
+    edges = cells.lines.units[np.stack([labels[cell, before], labels[cell, place]], axis=1) >> 1]
+    corners = _Corners(cells.lane[cell], cells.polygons.corners[cell, place], measured.speed[cell, place], edges)
+    fastest, moving = np.zeros(lanes), np.zeros(lanes)
     square = measured.square[cell]
+    np.maximum.at(moving, square, _size(corners.speed))
     for unit in SIDES:
-        none = np.zeros((1, 3))
-        np.maximum.at(fastest, square, _speeds(np.array([unit]), none, corners.at, corners.speed))
+        np.maximum.at(fastest, square, _speeds(np.array([unit]), np.zeros((1, 3)), corners))
     lines = _lines_of(measured)
     first, last = (np.searchsorted(lines.lane, corners.lane, side) for side in ("left", "right"))
     corner = np.repeat(np.arange(len(cell)), last - first)
     line = np.arange(len(corner)) - np.repeat(np.cumsum(last - first) - last, last - first)
-    speeds = _speeds(lines.units[line], lines.rates[line], corners.at[corner], corners.speed[corner])
+    speeds = _speeds(lines.units[line], lines.rates[line], corners.take(corner))
     some = np.flatnonzero(speeds > 0.0)
     some = some[_held(cells, lines.region[line[some]], corners.at[corner[some]])]
     np.maximum.at(fastest, square[corner[some]], speeds[some])
-    return fastest
+    np.maximum.at(moving, square[corner[some]], _size(lines.rates[line[some]]))
+    return np.where(fastest <= PARTED * moving, 0.0, np.where(fastest < SLOW * moving, np.nan, fastest))
+
+
+def _size(rates: Array) -> Array:
+    """Returns sizes of rates; 0 where they are not known, of edges that had another line before."""
+    size = np.abs(rates).sum(axis=1)
+    return np.where(np.isnan(size), 0.0, size)
 
 
 def _lines_of(measured: Measured) -> _Lines:
@@ -68,13 +83,13 @@ def _lines_of(measured: Measured) -> _Lines:
     return _Lines(lane[order], cells.lines.units[number[order]], measured.rates[number[order]], of[order])
 
 
-def _speeds(units: Array, rates: Array, at: Array, speed: Array) -> Array:
-    """Returns the speeds of corners that lie on lines relative to these, 0 for those that do not, or that stay."""
-    value = units[:, 0] + (units[:, 1:] * at).sum(axis=1)
-    parts = np.concatenate([rates[:, :1] + np.zeros((len(at), 1)), rates[:, 1:] * at, units[:, 1:] * speed], axis=1)
-    found = np.abs(parts.sum(axis=1))
-    with np.errstate(invalid="ignore"):
-        return np.where((np.abs(value) <= EPSILON) & (found > PARTED * np.abs(parts).sum(axis=1)), found, 0.0)
+def _speeds(units: Array, rates: Array, corners: _Corners) -> Array:
+    """Returns the speeds of corners that lie on lines relative to these; 0 for those that do not, that stay, or whose edge is the line."""
+    value = units[:, 0] + (units[:, 1:] * corners.at).sum(axis=1)
+    found = np.abs(rates[:, 0] + (rates[:, 1:] * corners.at).sum(axis=1) + (units[:, 1:] * corners.speed).sum(axis=1))
+    across = units[:, None, 1] * corners.edges[..., 2] - units[:, None, 2] * corners.edges[..., 1]
+    apart = (np.abs(across) > PARALLEL).all(axis=1)
+    return np.where((np.abs(value) <= EPSILON) & apart & ~np.isnan(found), found, 0.0)
 
 
 def _held(cells: Arrangements, region: Array, at: Array) -> Array:

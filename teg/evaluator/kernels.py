@@ -25,7 +25,7 @@ from teg.evaluator.both_sides import (
     without_order,
 )
 from teg.evaluator.options import Options
-from teg.evaluator.plan import GRADIENT, GRADIENT_ALONE, HESSIAN, ORDERS, VALUE, Kept, Plan, Wanted, derivative_of_order
+from teg.evaluator.plan import GRADIENT, GRADIENT_ALONE, HESSIAN, ORDERS, VALUE, Kept, Plan, Wanted, derivative_of_order, is_second
 from teg.evaluator.runs import ListedPlan, RunsKernel
 from teg.evaluator.tabled import Tabled
 from teg.evaluator.timing import timed
@@ -221,7 +221,7 @@ class Kernels:
     def _settled(self, key: Key, call: Call, outcome: Any) -> Any:
         """Returns an outcome at ties, with second derivatives as the mean of both sides."""
         wanted, plan = key.wanted, self.plan
-        if key.counted or plan.options.estimator.name != "exact" or not (wanted == HESSIAN or (len(wanted.along) == 1 and wanted.orders)):
+        if key.counted or plan.options.estimator.name != "exact" or not is_second(wanted):
             return outcome
         return settled(outcome, call, self._sides(key, wanted, len(outcome.values)), self._ways(key))
 

@@ -36,7 +36,7 @@ def integrals(shape: Layout, candidates: Sequence[Row], otherwise: Row, slopes: 
         return Integrals(values, sizes, [])
     tables = _tables(here, candidates, otherwise, measured)
     speed = measured.parting() if shape.order and here.guarded and not here.undefined else 0.0
-    if speed > 0.0:
+    if speed != 0.0:
         tables = [_settled(*several, shape.columns) for several in zip(tables, *_parted(shape, candidates, otherwise, speed), strict=True)]
     if shape.order:
         values = [_along(table, shape, k, candidates, otherwise) for k, table in enumerate(tables)]

@@ -50,12 +50,16 @@ SKEW = 0.7
 """The second coordinate of that step, in units of the first."""
 NUDGE = 1e-10
 """The size of what is added to keys where more of them are equal at one place than have a second derivative there, relative to theirs."""
+PARALLEL = 1e-9
+"""The sine of an angle below which lines through one place are one."""
 PARTING = 1e-8
 """How far lines through one place are moved apart along the direction, where they part."""
-PARTED = 1e-9
-"""The speed of a corner beyond a line that is no rounding, relative to the terms it is the sum of."""
+PARTED = 1e-7
+"""The speed of a corner beyond a line that is no rounding, relative to how fast anything in the square moves."""
 LIMIT = 1e-5
 """How far second derivatives with a limit change from one such distance to the double of it, relative to the largest of them."""
+SLOW = 1e-3
+"""The relative speed below which lines through one place part too slowly for a mean of both sides, which is NaN then."""
 ROUNDING = 1e-13
 """The rounding of a key, relative to its constant."""
 SAME, PLACES = 1e-10, 8

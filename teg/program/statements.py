@@ -495,13 +495,18 @@ class Called:
 
 @dataclass(frozen=True, slots=True)
 class Program:
-    """A scheduled program: parameters (in order), statements, one output name or literal per result."""
+    """A scheduled program: parameters (in order), statements, one output name or literal per result.
+
+    A program that `weighs_ties` tells of a tie in its outcome only where it matters: where results differ between the two orders, or, if
+    these are the same, with all resolutions true (order +2) and all false (-2).
+    """
 
     parameters: tuple[str, ...]  # the user's names, any text; in the program parameter i is called 'p{i}'
     body: tuple[Stmt, ...]
     outputs: tuple[Arg, ...]
     ties: tuple[Tie, ...] = ()
     functions: tuple[Called, ...] = ()
+    weighs_ties: bool = False
 
 
 TEXTS = 256

@@ -52,31 +52,52 @@ static void teg_velocities(const teg_arrangement *r, const teg_cell *cell, doubl
     }
 }
 
-//: teg_note_parting
-/* Note with which speed corners of cells leave other lines that they lie on, the sides of the square among them. */
-static void teg_note_parting(teg_arrangement *r)
+//: teg_is_held
+/* Whether a line goes through a place where the other guards of its region hold. */
+static inline int teg_is_held(const teg_arrangement *r, const teg_line *line, double x, double y)
 {
-    for (size_t k = 0; k < r->cell_count; k++) {
-        const teg_cell *const cell = r->cells + k;
-        if (!teg_room_in_scratch(r, (size_t)cell->n + 2)) return;
-        teg_velocities(r, cell, r->px, r->py);
-        for (int i = 0; i < cell->n; i++) {
-            const double x = r->x[cell->at + i], y = r->y[cell->at + i];
-            for (size_t line = 0; line < r->line_count; line++) {
-                const teg_line *const on = r->lines + line;
-                double g[3], part[5], speed, size = 0.0;
-                int held = fabs(on->c + on->a * x + on->b * y) <= TEG_ON_LINE;
-                for (int guard = on->first; held && guard < on->end; guard++)
-                    held = r->lines[guard].c + r->lines[guard].a * x + r->lines[guard].b * y >= -TEG_ON_LINE;
-                if (!held) continue;
-                teg_rate(r, on, g);
-                part[0] = g[0], part[1] = g[1] * x, part[2] = g[2] * y, part[3] = on->a * r->px[i], part[4] = on->b * r->py[i];
-                speed = fabs(part[0] + part[1] + part[2] + part[3] + part[4]);
-                for (int j = 0; j < 5; j++) size += fabs(part[j]);
-                if (speed > TEG_PARTED * size) r->parting = teg_most_of(r->parting, speed);
+    if (fabs(line->c + line->a * x + line->b * y) > TEG_ON_LINE) return 0;
+    for (int guard = line->first; guard < line->end; guard++)
+        if (r->lines[guard].c + r->lines[guard].a * x + r->lines[guard].b * y < -TEG_ON_LINE) return 0;
+    return 1;
+}
+
+//: teg_note_parting
+/* Note with which speed lines leave the place where two of them meet, the sides of the square among them. Lines that coincide with one of
+   these two are left out. */
+static void teg_note_parting(teg_arrangement *r, double x, double y)
+{
+    double a[2], b[2], s[2], p = 0.0, q = 0.0;
+    int known = 0;
+    for (size_t k = 0; k < r->line_count; k++) {
+        const teg_line *const line = r->lines + k;
+        double g[3], away;
+        if (!teg_is_held(r, line, x, y)) continue;
+        teg_rate(r, line, g);
+        away = -(g[0] + g[1] * x + g[2] * y);
+        if (isnan(away)) continue;
+        r->moving = teg_most_of(r->moving, fabs(g[0]) + fabs(g[1]) + fabs(g[2]));
+        if (known && fabs(a[0] * line->b - b[0] * line->a) <= 1e-9) continue;
+        if (known < 2) {
+            a[known] = line->a, b[known] = line->b, s[known++] = away;
+            if (known == 2) {
+                const double across = a[0] * b[1] - b[0] * a[1];
+                p = (s[0] * b[1] - b[0] * s[1]) / across, q = (a[0] * s[1] - s[0] * a[1]) / across;
+                r->moving = teg_most_of(r->moving, fabs(p) + fabs(q));
             }
-        }
+        } else if (fabs(a[1] * line->b - b[1] * line->a) > 1e-9)
+            r->parting = teg_most_of(r->parting, fabs(line->a * p + line->b * q - away));
     }
+}
+
+//: teg_note_partings
+/* The same at all places that may be such, or at all corners where there are more than there was room for. */
+static void teg_note_partings(teg_arrangement *r)
+{
+    for (int k = 0; k < r->places; k++) teg_note_parting(r, r->place[2 * k], r->place[2 * k + 1]);
+    for (size_t k = 0; r->places == TEG_PLACES && k < r->cell_count; k++)
+        for (int i = 0; i < r->cells[k].n; i++) teg_note_parting(r, r->x[r->cells[k].at + (size_t)i], r->y[r->cells[k].at + (size_t)i]);
+    r->places = 0;
 }
 
 //: teg_piece_moments
@@ -252,7 +273,7 @@ static void teg_measure(teg_arrangement *r, const double *otherwise, double *val
     int known = 1;
     if (r->undefined) return;
     if (tables && !whole) teg_find_twins(r);
-    if (s->order && r->cornered && r->guarded) teg_note_parting(r);
+    if (s->order && r->guarded) teg_note_partings(r);
     for (int j = 0; j < half; j++) known &= isfinite(f[j]) && (!s->order || isfinite(df[j]));
     for (int total = 0, at = 0; total <= s->degree; total++)
         for (int j = 0; j <= total; j++, at++) rest[at] = teg_power(r->u, total - j + 1) * teg_power(r->v, j + 1), change[at] = 0.0;
@@ -395,8 +416,8 @@ typedef struct {
 static void teg_begin(teg_room *w, const teg_shape *shape, int64_t n, const double *rows)
 {
     teg_arrangement *const r = &w->r;
-    r->su = r->sv = r->nudge = r->parting = r->u[0] = r->v[0] = 0.0;
-    r->touching = r->concurrent = r->guarded = r->undefined = r->failed = r->tied = r->ambiguous = r->alone = r->last = r->cornered = 0;
+    r->su = r->sv = r->nudge = r->parting = r->moving = r->u[0] = r->v[0] = 0.0;
+    r->touching = r->concurrent = r->guarded = r->undefined = r->failed = r->tied = r->ambiguous = r->alone = r->last = r->places = 0;
     r->base = -1, r->cell_count = r->line_count = r->region_count = r->used = 0;
     r->bound_room = r->pending_room = r->twin_count = r->twin_room = 0, r->bounds = 0;
     r->bound = NULL, r->twins = NULL, r->pending = NULL;
@@ -482,7 +503,7 @@ static void teg_parted_tables(teg_arrangement *r, const double *otherwise, doubl
     const teg_shape *const s = TEG_SHAPE(r->shape);
     const size_t size = teg_table_size(s, r->n), columns = (size_t)(teg_forms(s) + teg_coefficients(s));
     const int row = teg_row(s), half = s->bodies * teg_coefficients(s);
-    const double *const rows = r->rows, step = TEG_PARTING / r->parting, factors[4] = {1.0, -1.0, 2.0, -2.0};
+    const double *const rows = r->rows, step = r->parting < TEG_SLOW * r->moving ? NAN : TEG_PARTING / r->parting, factors[4] = {1.0, -1.0, 2.0, -2.0};
     double *const moved = malloc(((size_t)r->n * (size_t)row + 2 * (size_t)half + 3 * size) * sizeof *moved);
     double *const rest = moved + (size_t)r->n * (size_t)row, *const found = rest + 2 * half, *const near = found + size, *const far = near + size;
     if (!moved) {
@@ -496,7 +517,7 @@ static void teg_parted_tables(teg_arrangement *r, const double *otherwise, doubl
         teg_move_numbers(otherwise, half, factors[side] * step, rest);
         for (size_t k = 0; k < size; k++) found[k] = 0.0;
         r->rows = moved, r->su = r->sv = r->nudge = 0.0;
-        r->touching = r->concurrent = r->undefined = r->ambiguous = r->cornered = 0;
+        r->touching = r->concurrent = r->undefined = r->ambiguous = r->places = 0;
         teg_tables(r, rest, NULL, NULL, found);
         for (size_t k = 0; k < size; k++) to[k] += 0.5 * found[k];
     }
@@ -543,7 +564,7 @@ static int teg_cells(
             if (r->undefined) values[body] = NAN;
             else if (s->order) values[body] = teg_along_direction(r, body, otherwise, tables + (size_t)body * size / (size_t)s->bodies);
         }
-        if (s->order && r->parting > 0.0 && !own && !r->undefined && !r->failed) teg_parted_tables(r, otherwise, tables);
+        if (s->order && r->parting > TEG_PARTED * r->moving && !own && !r->undefined && !r->failed) teg_parted_tables(r, otherwise, tables);
     }
     free(own);
     teg_end(r);
