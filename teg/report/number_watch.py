@@ -19,7 +19,7 @@ from teg.passes.lower.integrals import About
 from teg.pipeline import flatten, normal_form, program_for
 from teg.program import Isolate, statements
 from teg.report.diagnose import BORDER, CHANGE, NOTHING, STEP, STEP_OVER_TIES, Diagnosis, Element, Look
-from teg.report.parameter_steps import only_in_steps, steps_of_parameters
+from teg.report.parameter_steps import only_in_steps, steps_of_parameters, vanishing
 
 if TYPE_CHECKING:
     import numpy as np
@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     Numbers = npt.NDArray[np.float64]
 
 
+EVERYWHERE = "all of an integral"
+"""In the place of a second surface: the first one is everything at these parameters."""
 MOST_EVALUATIONS = 2**24
 """The largest number of evaluations of a gradient that is looked into: a diagnosis takes a dozen of them."""
 NOT_LOOKED_AT = (
@@ -88,7 +90,7 @@ class NumberWatch:
             one, other = (self.kernel.in_order(at.columns, 1, order)[: self.results, 0] for order in (1, -1))
             differ = not np.isclose(one, other, rtol=1e-9, atol=1e-12, equal_nan=True).all()
         pairs = [self.program.ties[k].surfaces for k in met]
-        pairs = _once([pair for pair in pairs if pair[1] == BORDER or differ])
+        pairs = _once([pair for pair in pairs if pair[1] in (BORDER, EVERYWHERE) or differ])
         ties: list[Diagnosis] = []
         if (
             at.second and at.second.finite and at.second.message and not differ
@@ -97,7 +99,7 @@ class NumberWatch:
         if pairs:
             finite = all(np.isfinite(v) for v in at.values.values()) and np.isfinite(here).all()
             moves = []
-            if finite and any(pair[1] == BORDER for pair in pairs):
+            if finite and any(pair[1] in (BORDER, EVERYWHERE) for pair in pairs):
                 whole = compile_numpy(
                     program_for(self._outputs, self.parameters, self._how, about=About(differentiated=self._value)), most=MOST_EVALUATIONS
                 )
@@ -105,6 +107,7 @@ class NumberWatch:
             elif finite:
                 moves = self._moves(self.kernel, at, here, STEP_OVER_TIES)
             words = _steps_in_numbers(self.expression, at.values)
+            pairs = [pair for pair in pairs if moves or pair[1] != EVERYWHERE]
             ties += [_of_pair((words.get(first, first), words.get(second, second)), moves, at) for first, second in pairs]
         return Look(results, ties, STEP_OVER_TIES if met or self.searched else STEP)
 
@@ -194,7 +197,7 @@ def _of_pair(pair: tuple[str, str], moves: Sequence[_Move], at: Element) -> Diag
     first, second = pair
     own = [m for m in moves if m.result.endswith(f"/ d {m.parameter}") or not m.result.startswith("d ")][:MOVES]
     sides = "; ".join(m.text for m in own)
-    if second == BORDER:
+    if second in (BORDER, EVERYWHERE):
         message = f"the parameters lie on {first}"
         return Diagnosis("parameter surface", (first,), at.values, f"{message}: {sides}" if sides else message, at.number)
     message = f"{first} coincides with {second}; "
@@ -202,15 +205,18 @@ def _of_pair(pair: tuple[str, str], moves: Sequence[_Move], at: Element) -> Diag
 
 
 def _probes(e: Expr) -> list[Expr]:
-    """Returns expressions that meet a tie on the border of a condition on parameters, and on the steps of a floor of parameters.
+    """Returns expressions that meet a tie on the border of a condition on parameters, on the steps of a floor of parameters, and where a
+    surface is everything.
 
     A condition on such floors alone, [floor(a) > 0], is on its border on whole intervals: it changes at their steps only.
     """
     found: dict[str, Expr] = {}
     for atom in atoms_of(normal_form(e)):
+        title = f"{show(atom.g, 300)} = 0"
         if not atom.g.free and atom.resolution is None and not only_in_steps(atom.g):
-            title = f"{show(atom.g, 300)} = 0"
             found.setdefault(title, bracket(positive(atom.g, atom.strict, TRUE, (title, BORDER))))
+        elif atom.g.free and atom.resolution is None and (size := vanishing(atom.g)) is not None:
+            found.setdefault(title, bracket(positive(size, True, TRUE, (title, EVERYWHERE))))
     for title, g in steps_of_parameters(e):
         found.setdefault(title, bracket(positive(g, True, TRUE, (title, BORDER))))
     return list(found.values())
