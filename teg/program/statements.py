@@ -497,7 +497,7 @@ class Called:
 class Program:
     """A scheduled program: parameters (in order), statements, one output name or literal per result.
 
-    A program that `weighs_ties` tells of a tie in its outcome only where it matters: where results differ between the two orders, or, if
+    Of a program that `weighs_ties` an outcome need tell of a tie only where it matters: where results differ between the two orders, or, if
     these are the same, with all resolutions true (order +2) and all false (-2).
     """
 
