@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from teg.backends.numpy.arrangement import Arrangements
 from teg.backends.numpy.measured import Measured
 from teg.numerics.cells import BOX, EPSILON, PARALLEL, PARTED, SIDES, SLOW
 
@@ -17,12 +16,11 @@ Array = npt.NDArray[Any]
 
 
 class _Lines(NamedTuple):
-    """Lines in the order of their lanes: unit forms and rates (n, 3), and the region whose guards must hold, -1 for none."""
+    """Lines in the order of their lanes: unit forms and rates (n, 3)."""
 
     lane: Array
     units: Array
     rates: Array
-    region: Array
 
 
 class _Corners(NamedTuple):
@@ -57,7 +55,6 @@ def parting(measured: Measured, lanes: int) -> Array:
     line = np.arange(len(corner)) - np.repeat(np.cumsum(last - first) - last, last - first)
     speeds = _speeds(lines.units[line], lines.rates[line], corners.take(corner))
     some = np.flatnonzero(speeds > 0.0)
-    some = some[_held(cells, lines.region[line[some]], corners.at[corner[some]])]
     np.maximum.at(fastest, square[corner[some]], speeds[some])
     np.maximum.at(moving, square[corner[some]], _size(lines.rates[line[some]]))
     return np.where(fastest <= PARTED * moving, 0.0, np.where(fastest < SLOW * moving, np.nan, fastest))
@@ -79,8 +76,7 @@ def _lines_of(measured: Measured) -> _Lines:
     number = np.concatenate([BOX + region * guards + turn, keys])
     lane = np.concatenate([cells.regions.lane[region], *cells.key_lanes])
     order = np.argsort(lane, kind="stable")
-    of = np.concatenate([region, np.full(len(keys), -1)])
-    return _Lines(lane[order], cells.lines.units[number[order]], measured.rates[number[order]], of[order])
+    return _Lines(lane[order], cells.lines.units[number[order]], measured.rates[number[order]])
 
 
 def _speeds(units: Array, rates: Array, corners: _Corners) -> Array:
@@ -90,10 +86,3 @@ def _speeds(units: Array, rates: Array, corners: _Corners) -> Array:
     across = units[:, None, 1] * corners.edges[..., 2] - units[:, None, 2] * corners.edges[..., 1]
     apart = (np.abs(across) > PARALLEL).all(axis=1)
     return np.where((np.abs(value) <= EPSILON) & apart & ~np.isnan(found), found, 0.0)
-
-
-def _held(cells: Arrangements, region: Array, at: Array) -> Array:
-    """Returns whether all guards of regions hold at places; -1 has none."""
-    units, cutting = cells.units[region], cells.known.cutting[region]
-    values = units[..., 0] + units[..., 1] * at[:, :1] + units[..., 2] * at[:, 1:]
-    return np.asarray((region < 0) | (~cutting | (values >= -EPSILON)).all(axis=1))

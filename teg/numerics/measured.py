@@ -97,18 +97,12 @@ class Measured:
                 edges = [self.arrangement.lines[label >> 1].unit for label in (cell.labels[i - 1], cell.labels[i])]
                 for number, line in enumerate(self.arrangement.lines):
                     c, a, b = line.unit
-                    if abs(c + a * x + b * y) > EPSILON or not self._holds((x, y), self.arrangement.guards.get(number, ())):
-                        continue
-                    if any(abs(a * f - b * e) <= PARALLEL for _, e, f in edges):
+                    if abs(c + a * x + b * y) > EPSILON or any(abs(a * f - b * e) <= PARALLEL for _, e, f in edges):
                         continue
                     d, e, f = self._rate(number)
                     moving = max(moving, known(abs(d) + abs(e) + abs(f)))
                     fastest = max(fastest, known(abs(d + e * x + f * y + a * p + b * q)))
         return 0.0 if fastest <= PARTED * moving else math.nan if fastest < SLOW * moving else fastest
-
-    def _holds(self, at: Point, lines: Sequence[int]) -> bool:
-        """Returns whether guards hold at a place."""
-        return all(c + a * at[0] + b * at[1] >= -EPSILON for c, a, b in (self.arrangement.lines[line].unit for line in lines))
 
     def _all_moments(self) -> dict[int, tuple[list[float], list[float]]]:
         """Returns the moments of every owner's cells, and their derivatives along the direction."""

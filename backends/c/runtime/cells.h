@@ -52,19 +52,9 @@ static void teg_velocities(const teg_arrangement *r, const teg_cell *cell, doubl
     }
 }
 
-//: teg_is_held
-/* Whether a line goes through a place where the other guards of its region hold. */
-static inline int teg_is_held(const teg_arrangement *r, const teg_line *line, double x, double y)
-{
-    if (fabs(line->c + line->a * x + line->b * y) > TEG_ON_LINE) return 0;
-    for (int guard = line->first; guard < line->end; guard++)
-        if (r->lines[guard].c + r->lines[guard].a * x + r->lines[guard].b * y < -TEG_ON_LINE) return 0;
-    return 1;
-}
-
 //: teg_note_parting
-/* Note with which speed lines leave the place where two of them meet, the sides of the square among them. Lines that coincide with one of
-   these two are left out. */
+/* Note with which speed lines leave the place where two of them meet, the sides of the square among them; cuts go on beyond the region that
+   made them. Lines that coincide with one of these two are left out. */
 static void teg_note_parting(teg_arrangement *r, double x, double y)
 {
     double a[2], b[2], s[2], p = 0.0, q = 0.0;
@@ -72,7 +62,7 @@ static void teg_note_parting(teg_arrangement *r, double x, double y)
     for (size_t k = 0; k < r->line_count; k++) {
         const teg_line *const line = r->lines + k;
         double g[3], away;
-        if (!teg_is_held(r, line, x, y)) continue;
+        if (fabs(line->c + line->a * x + line->b * y) > TEG_ON_LINE) continue;
         teg_rate(r, line, g);
         away = -(g[0] + g[1] * x + g[2] * y);
         if (isnan(away)) continue;
