@@ -175,8 +175,9 @@ static inline void teg_wait(teg_pace *pace, int *working)
 }
 
 //: teg_context
-/* How coinciding surfaces are ordered in this run (+1 or -1; +2 and -2: all their ties are true, or false), whether any were met, a tolerance was missed, and a search had too
-   little room; the evaluations, if they are counted, and those of adaptive integrals; what may stop it. */
+/* How coinciding surfaces are ordered in this run (+1 or -1; +2 and -2: all their ties are true, or false), whether any were
+   met, a tolerance was missed, and a search had too little room; the evaluations, if they are counted, and those of adaptive
+   integrals; what may stop it. */
 typedef struct {
     int order, tied, missed, crowded;
     long evaluations, work;
@@ -190,8 +191,10 @@ static int teg_differ(const double *one, const double *other, int n)
     double most = 0.0;
     for (int j = 0; j < n; j++)
         if (isfinite(one[j]) && fabs(one[j]) > most) most = fabs(one[j]);
-    for (int j = 0; j < n; j++)
-        if (!(fabs(one[j] - other[j]) <= TEG_WEIGHED * most || one[j] == other[j] || (isnan(one[j]) && isnan(other[j])))) return 1;
+    for (int j = 0; j < n; j++) {
+        const int same = one[j] == other[j] || (isnan(one[j]) && isnan(other[j]));
+        if (!same && !(fabs(one[j] - other[j]) <= TEG_WEIGHED * most)) return 1;
+    }
     return 0;
 }
 
