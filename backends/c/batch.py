@@ -51,6 +51,27 @@ def together(program: Program) -> int:
     return TOGETHER if len(program.outputs) <= TOGETHER else SIDE
 
 
+def _weighed(call: str, outputs: int) -> list[str]:
+    """Returns a call of the element at a point; where a tie was met once more, and, where that changes nothing, with all ties true and
+    false: only ties that matter are noted."""
+    return [
+        "double *to = row;",
+        "int differ = 0;",
+        "for (;;) {",
+        *indent(
+            call,
+            "if (!ctx.tied) break;",
+            f"if (to == other) differ = teg_differ(row, other, {outputs});",
+            f"if (ctx.order == -1) for (int j = 0; j < {outputs}; j++) row[j] = 0.5 * (row[j] + other[j]);",
+            "if (differ || ctx.order == -2) break;",
+            "ctx.order = ctx.order == -1 ? 2 : -ctx.order;",
+            "to = other;",
+        ),
+        "}",
+        "ctx.tied = differ;",
+    ]
+
+
 def _in_both_orders(call: str, outputs: int) -> list[str]:
     """Returns a call of the element at a point, and once more where a tie was met. It stands in one place, where the C compiler may inline
     it."""
@@ -179,7 +200,7 @@ class _Batch:
             "if ((stopped = teg_stopped(&pace))) break;",
             *([f"for (int j = 0; j < {self.inputs}; j++) w[j] = in[j][k];"] if element.indirect else []),
             *(["teg_context ctx = {+1, 0, 0, 0, 0, 0, &pace};"] if element.context else []),
-            *(_in_both_orders(call, self.outputs) if ties else [call]),
+            *((_weighed if self.program.weighs_ties else _in_both_orders)(call, self.outputs) if ties else [call]),
         ]
 
     @property

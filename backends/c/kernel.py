@@ -84,7 +84,8 @@ class CKernel:
         if notes is None:
             return Outcome(out, False, 0)
         noted = int(np.bitwise_or.reduce(notes))
-        return Outcome(out, bool(noted & 2), int((notes >> 3).sum()) if self.counted else 0, bool(noted & 4))
+        evaluations = int((notes >> 3).sum()) if self.counted else 0
+        return Outcome(out, bool(noted & 2), evaluations, bool(noted & 4), bool(noted & 1) and notes & 1 != 0)
 
     def at_point(self, values: Sequence[float]) -> Outcome:
         """Returns the outcome of one point, given as plain numbers in the order of the parameters; quicker than a batch of one."""
@@ -93,7 +94,7 @@ class CKernel:
         if note < 0:
             raise BackendError("there is no memory for the kernel's workspace")
         out = np.frombuffer(array, dtype=self._type)[self._inputs :].reshape(self._outputs, 1)
-        return Outcome(out, bool(note & 2), note >> 3, bool(note & 4))
+        return Outcome(out, bool(note & 2), note >> 3, bool(note & 4), bool(note & 1))
 
     def __reduce__(self) -> tuple[object, ...]:
         return (CKernel, (self.program, self.threads, self.counted, self.dtype))

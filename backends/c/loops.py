@@ -101,7 +101,7 @@ class CArrayKernel:
         if n and self._call.batch(n, Addresses(inputs, strides.ctypes.data, views_at, targets.ctypes.data, told), team):
             raise BackendError("there is no memory for the kernel's workspace")
         noted = int(np.bitwise_or.reduce(notes)) if n else 0
-        return Results(out, bool(noted & 2), 0, bool(noted & 4))
+        return Results(out, bool(noted & 2), 0, bool(noted & 4), bool(noted & 1) and notes & 1 != 0)
 
 
 def compile_c_arrays(program: ArrayProgram, *, threads: int = 1) -> CArrayKernel:

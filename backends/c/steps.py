@@ -38,6 +38,25 @@ from teg.program.fields import operands, result_names
 from teg.program.vanishing import FLAT, with_zeros
 
 
+def _weighed(count: int, array: str, first: str) -> list[str]:
+    """Returns lines that end a run in both orders of ties, and, where these change nothing, with all ties true and false: only ties that
+    matter are noted. `first` has the results of the first order, then the mean of both."""
+    return [
+        "if (!ctx.tied) break;",
+        f"if (ctx.order != 1) differ = teg_differ({first}, {array}, {count});",
+        f"for (int j = 0; ctx.order == 1 && j < {count}; j++) {first}[j] = {array}[j];",
+        f"for (int j = 0; ctx.order == -1 && j < {count}; j++) {first}[j] = 0.5 * ({first}[j] + {array}[j]);",
+        "if (differ || ctx.order == -2) {",
+        *indent(
+            f"for (int j = 0; j < {count}; j++) {array}[j] = {first}[j];",
+            "ctx.order = +1, ctx.tied = 0, note |= differ;",
+            "break;",
+        ),
+        "}",
+        "ctx.order = ctx.order == -1 ? 2 : -ctx.order;",
+    ]
+
+
 class StepPrinter(CellPrinter):
     """Prints steps in the scope of one element of the batch."""
 
@@ -134,6 +153,8 @@ class StepPrinter(CellPrinter):
         if not ties:
             return [*lines, *gather, call]
         first = f"(w + {below})"
+        if step.program.weighs_ties:
+            return [*lines, "for (int differ = 0;;) {", *indent(*gather, call, *_weighed(count, array, first)), "}"]
         return [  # one call, so that it is inlined
             *lines,
             "for (;;) {",

@@ -183,7 +183,7 @@ class JaxKernel:
         if not any(mapped):
             found, note = call(*values)
             out[:] = np.asarray(found)[:, None]
-            return Outcome(out, bool(note & 2), 0, bool(note & 4))
+            return Outcome(out, bool(note & 2), 0, bool(note & 4), bool(note & 1))
         noted = 0
         for start in range(0, n, self._step):
             count = min(self._step, n - start)
@@ -193,7 +193,7 @@ class JaxKernel:
             found, note = call(*given)
             out[:, part] = np.asarray(found)[:, :count]
             noted |= int(note)
-        return Outcome(out, bool(noted & 2), 0, bool(noted & 4))
+        return Outcome(out, bool(noted & 2), 0, bool(noted & 4), bool(noted & 1))
 
     def _batch(self, mapped: tuple[bool, ...]) -> Callable[..., Any]:
         """The jitted function of columns, those `mapped` with a batch axis: (outputs, n), or (outputs,); and the note of all."""

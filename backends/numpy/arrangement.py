@@ -229,6 +229,7 @@ class Arrangements:
         self._tied = np.zeros(lanes, dtype=bool)  # something else has the line of an edge on which two keys are equal
         self._count = BOX + known.cutting.size
         self._keys: list[Lines] = []
+        self.key_lanes: list[Array] = []  # the squares of these
         with np.errstate(all="ignore"):
             self.units = regions.guards / np.hypot(regions.guards[..., 1], regions.guards[..., 2])[..., None]
         in_lane = regions.lane[known.order]
@@ -346,6 +347,7 @@ class Arrangements:
         self._keys.append(
             Lines(difference / size[:, None], size, rows, np.full(rows.shape, self.shape.forms - 3), np.zeros(len(rows), dtype=bool))
         )
+        self.key_lanes.append(self.regions.lane[owner])
         self._count += len(owner)
         return np.arange(self._count - len(owner), self._count)
 

@@ -13,9 +13,10 @@ import numpy.typing as npt
 
 from teg.backends.numpy.arrangement import UNMOVED, Arrangements, Moved, classified, regions_of
 from teg.backends.numpy.measured import Measured, Numbers
+from teg.backends.numpy.parting import parting
 from teg.backends.numpy.tiles import tiled
 from teg.numerics.cell_integrals import integrals
-from teg.numerics.cells import NO_OWNER, SHIFT, SKEW, Layout, monomials
+from teg.numerics.cells import LIMIT, NO_OWNER, PARTING, SHIFT, SKEW, Layout, monomials
 
 Array = npt.NDArray[Any]
 CHUNK = 4096
@@ -90,13 +91,42 @@ def _single(shape: Layout, given: Lanes, lane: int, results: Results) -> None:
 
 
 def _cut(shape: Layout, given: Lanes, slopes: bool) -> Results:
-    """Computes lanes that are cut; where a line lies on a side, or keys meet that have no second derivative there, derivatives are the mean
-    of both sides."""
+    """Computes lanes that are cut; where lines through one place part along the direction, derivatives are the mean of both sides."""
+    found, speeds = _beside(shape, given, slopes)
+    lanes = np.flatnonzero(speeds)
+    if not lanes.size or not slopes:
+        return found
+    some, places = given.take(lanes)
+    steps = PARTING / speeds[lanes]
+    sides = [_beside(shape, _moved(shape, some, factor * steps), True)[0].tables for factor in (1.0, -1.0, 2.0, -2.0)]
+    lane, own = np.repeat(np.arange(len(lanes)), some.counts + 1), shape.columns
+    for table, *several in zip(found.tables, *sides, strict=True):
+        one, other, far, farther = (t[:, :own] for t in several)
+        near, far = 0.5 * (one + other), 0.5 * (far + farther)
+        size = np.zeros(len(lanes))
+        np.maximum.at(size, lane, np.abs(np.where(np.isfinite(near), near, 0.0)).max(axis=1, initial=0.0))
+        known = ~np.isnan(table[places, :own]) & (np.abs(near - far) <= LIMIT * size[lane][:, None])
+        table[places, :own] = np.where(known, 2.0 * near - far, np.nan)
+    return found
+
+
+def _moved(shape: Layout, given: Lanes, steps: Array) -> Lanes:
+    """Returns lanes whose numbers are moved along their direction."""
+    rows, otherwise, wide = given.rows.copy(), given.otherwise.copy(), given.rows.shape[1] // 2
+    half = otherwise.shape[1] // 2
+    rows[:, :wide] += np.repeat(steps, given.counts)[:, None] * rows[:, wide:]
+    otherwise[:, :half] += steps[:, None] * otherwise[:, half:]
+    return given._replace(rows=rows, otherwise=otherwise)
+
+
+def _beside(shape: Layout, given: Lanes, slopes: bool) -> tuple[Results, Array]:
+    """Computes lanes; where a line lies on a side, or keys meet that have no second derivative there, derivatives are the mean of both
+    sides. Also returns the speeds with which lines through one place part along the direction."""
     numbers = _numbers(shape, given)
-    measured, touching, concurrent = _measured(shape, given, numbers, UNMOVED)
+    measured, touching, concurrent, guarded = _measured(shape, given, numbers, UNMOVED)
     values, sizes = measured.values(len(given.counts))
     if not slopes and not shape.order:
-        return Results(values, sizes, [])
+        return Results(values, sizes, []), np.zeros(len(given.counts))
     tables = measured.tables()
     for which, shift in ((touching, SHIFT), ((concurrent > 0) & ~touching, 0.0)):
         lanes = np.flatnonzero(which)
@@ -110,11 +140,12 @@ def _cut(shape: Layout, given: Lanes, slopes: bool) -> Results:
             table[places] = np.where(lost, np.nan, 0.5 * (one + other))
     if shape.order:
         values = np.stack([_along(shape, table, k, (given, numbers)) for k, table in enumerate(tables)])
-    return Results(values, sizes, tables if slopes else [])
+    speeds = np.where(guarded, parting(measured, len(given.counts)), 0.0) if shape.order and slopes else np.zeros(len(given.counts))
+    return Results(values, sizes, tables if slopes else []), speeds
 
 
-def _measured(shape: Layout, given: Lanes, numbers: Numbers, moved: Moved) -> tuple[Measured, Array, Array]:
-    """Returns squares as they are `moved`, and which of them are touching, and concurrent (`Arrangements`)."""
+def _measured(shape: Layout, given: Lanes, numbers: Numbers, moved: Moved) -> tuple[Measured, Array, Array, Array]:
+    """Returns squares as they are `moved`, and which of them are touching, concurrent and guarded (`Arrangements`)."""
     regions = regions_of(shape, given.rows, given.counts, moved)
     known = classified(regions, len(given.counts))
     guarded = np.zeros(len(given.counts), dtype=bool)
@@ -128,7 +159,7 @@ def _measured(shape: Layout, given: Lanes, numbers: Numbers, moved: Moved) -> tu
     np.maximum.at(concurrent, tiles.square, cells.concurrent)
     ambiguous = np.bincount(tiles.square, cells.ambiguous, len(given.counts)) > 0
     concurrent[(touching | ambiguous) & (concurrent > 0)] = 2
-    return Measured(shape, cells, numbers, moved.shift, tiles.square[cells.lane]), touching, concurrent
+    return Measured(shape, cells, numbers, moved.shift, tiles.square[cells.lane]), touching, concurrent, guarded
 
 
 def _numbers(shape: Layout, given: Lanes) -> Numbers:

@@ -46,6 +46,7 @@ from teg.program import (
     ABSOLUTE_FLOOR,
     MAX_EVALUATIONS,
     TEXTS,
+    WEIGHED,
     Adaptive,
     Arg,
     Assign,
@@ -116,7 +117,7 @@ class NumpyKernel:
     def outcome(self, columns: Sequence[npt.NDArray[np.float64]], n: int) -> Outcome:
         """Returns the outputs, whether a tolerance was missed, and how many evaluations it took."""
         out, _, run = self._run(columns, n)
-        return Outcome(out, run.missed, run.evaluations, run.crowded)
+        return Outcome(out, run.missed, run.evaluations, run.crowded, run.tied)
 
     def met_ties(self, columns: Sequence[npt.NDArray[np.float64]], n: int) -> tuple[int, ...]:
         """Returns the numbers k of the ties that a call with these arguments meets, ascending."""
@@ -152,17 +153,31 @@ class NumpyKernel:
                 if run.met:
                     again = lanes.Run(-1, self._room, most=most)
                     reverse = self._outputs(again, arguments, min(step, n - start))
+                    noted.tied |= not self.program.weighs_ties or self._matters(out[:, part], reverse, arguments, most)
                     out[:, part] = 0.5 * out[:, part] + 0.5 * reverse
                     met |= run.met | again.met
                     noted.add(again)
                 noted.add(run)
         return out, met, noted
 
+    def _matters(self, one: npt.NDArray[np.float64], other: npt.NDArray[np.float64], arguments: Sequence[Any], most: float) -> bool:
+        """Returns whether ties matter: results differ in both orders, or where all ties are true, or false."""
+        if not _is_same(one, other):
+            return True
+        runs = (lanes.Run(order, self._room, most=most) for order in (2, -2))
+        return not all(_is_same(one, self._outputs(run, arguments, one.shape[1])) for run in runs)
+
     def _outputs(self, run: lanes.Run, arguments: Iterable[Any], n: int) -> npt.NDArray[np.float64]:
         out = np.empty((len(self.program.outputs), n))
         for i, found in enumerate(self._function(run, *arguments)):
             out[i] = found
         return out
+
+
+def _is_same(one: npt.NDArray[np.float64], other: npt.NDArray[np.float64]) -> bool:
+    """Returns whether results are the same in each lane, relative to the largest of the lane; NaN is the same as NaN."""
+    most = np.abs(np.where(np.isfinite(one), one, 0.0)).max(axis=0, initial=0.0)
+    return bool(((np.abs(one - other) <= WEIGHED * most) | (one == other) | (np.isnan(one) & np.isnan(other))).all())
 
 
 def _printed(program: Program) -> tuple[str, int]:

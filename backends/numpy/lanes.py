@@ -36,6 +36,12 @@ class Run:
     most: float = np.inf  # evaluations, beyond which every interval is accepted
     searched: int = 0  # boxes and places of isolations, which count as evaluations
     ended: bool = False  # intervals were accepted for that reason
+    tied: bool = False  # of all runs of a call: a tie was met that matters, if the program weighs them
+
+    @property
+    def is_of_surfaces(self) -> bool:
+        """Returns whether ties are decided by an order of the surfaces, not all in one way."""
+        return abs(self.order) == 1
 
     def add(self, other: Run) -> None:
         """Adds the notes of another run of the program, but for its ties."""

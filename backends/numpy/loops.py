@@ -47,12 +47,14 @@ BLOCK = 2**17
 
 class Results(NamedTuple):
     """The results of a run of a program with arrays: the outputs, (n,) for a number and (n, *shape) for an array; whether a tolerance was
-    missed; the number of evaluations of integrands; and whether a search had too little room."""
+    missed; the number of evaluations of integrands; whether a search had too little room; and whether ties were met, of all elements
+    together or of each, (n,)."""
 
     values: list[Array]
     missed: bool
     evaluations: int
     crowded: bool = False
+    tied: bool | Array = False
 
 
 class Lanes(NamedTuple):
@@ -93,7 +95,7 @@ class LaneKernel:
                 found.append(run.targets.get(j, np.zeros(n * int(np.prod(shape)))).reshape(n, *shape))
             else:
                 found.append(np.array(np.broadcast_to(lane_values(output, lanes), (n,)), dtype=np.float64))
-        return Results(found, run.missed, run.evaluations, run.crowded)
+        return Results(found, run.missed, run.evaluations, run.crowded, run.tied)
 
 
 class Running:
@@ -108,7 +110,7 @@ class Running:
         self.targets: dict[int, Array] = {}
         self.tables: dict[str, Array] = {}  # of all lanes, one below the other
         self.lanes: dict[str, Array] = {}  # the lane of each row of a table that Cells have left
-        self.missed = self.crowded = False
+        self.missed = self.crowded = self.tied = False
         self.evaluations = 0
 
     def block(self, block: Sequence[Step], lanes: Lanes) -> None:
@@ -166,6 +168,7 @@ class Running:
         outcome = self.kernel._kernels[id(step)].outcome(columns, count)
         self.missed |= outcome.missed
         self.crowded |= outcome.crowded
+        self.tied |= bool(np.any(outcome.tied))
         self.evaluations += outcome.evaluations
         for name, row in zip(step.results, outcome.values, strict=True):
             lanes.values[name] = row[0] if shared and count else row

@@ -67,8 +67,8 @@ class Measured:
         self.owner = numbers.beyond[square]
         self.owner[owned] = numbers.place[rows[cells.owner[owned]]]
         if self.moving:
-            self._rates = self._all_rates()
-            self._speed = self._velocities()
+            self.rates = self._all_rates()
+            self.speed = self._velocities()
         self.moments, self.growths = self._all_moments()
 
     def values(self, lanes: int) -> tuple[Array, Array]:
@@ -118,7 +118,7 @@ class Measured:
         first, second = np.take_along_axis(p.labels, before, axis=1) >> 1, p.labels >> 1
         units = self.cells.lines.units
         (e, f), (g, h) = (units[line][..., 1:].transpose(2, 0, 1) for line in (first, second))
-        r, s = (-(q[..., 0] + q[..., 1] * x + q[..., 2] * y) for q in (self._rates[first], self._rates[second]))
+        r, s = (-(q[..., 0] + q[..., 1] * x + q[..., 2] * y) for q in (self.rates[first], self.rates[second]))
         across = e * h - f * g
         crossing = np.abs(across) > 1e-9
         safe = np.where(crossing, across, 1.0)
@@ -144,7 +144,7 @@ class Measured:
         for k in range(1, polygons.labels.shape[1] - 1):
             which = np.flatnonzero(polygons.sizes > k + 1)
             start, (a, b), (c, d) = _fan(polygons.corners[which], k)
-            from_, (e, f), (g, h) = _fan(self._speed[which], k) if self.moving else ((0.0 * a, 0.0 * a),) * 3
+            from_, (e, f), (g, h) = _fan(self.speed[which], k) if self.moving else ((0.0 * a, 0.0 * a),) * 3
             area = 0.5 * (a * d - c * b)
             growth = 0.5 * (e * d + a * h - g * b - c * f)
             for r, s, w in triangle_rule(self.shape.degree):
@@ -164,8 +164,8 @@ class Measured:
         side = np.where(label[edge] & 1, -shares.sign, shares.sign)
         speed = faster = np.zeros_like(way)
         if self.moving:
-            speed = self._speed[cell, place][edge]
-            faster = self._speed[cell, following][edge] - speed
+            speed = self.speed[cell, place][edge]
+            faster = self.speed[cell, following][edge] - speed
         return Edges(
             cell[edge],
             start[edge] + first * way,
@@ -202,7 +202,7 @@ class Measured:
         if self.moving:
             safe = np.where(length > 0.0, length, 1.0)
             stretch = (way * faster).sum(axis=1) / (safe * safe) * (length > 0.0)
-            stretch -= (lines.units[number, 1:] * self._rates[number, 1:]).sum(axis=1)
+            stretch -= (lines.units[number, 1:] * self.rates[number, 1:]).sum(axis=1)
         for node, weight in zip(*gauss_legendre((self.shape.degree + 1) // 2 + 1), strict=True):
             t = 0.5 + 0.5 * node
             (x, y), (p, q) = (edges.start + t * way).T, (edges.speed + t * faster).T

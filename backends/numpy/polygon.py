@@ -281,6 +281,7 @@ class SegmentIntegral(Domain):
                 ties = near[i] & (np.abs(first) <= TIE_EPS * scale) & (np.abs(last) <= TIE_EPS * scale)
                 if np.any(ties):
                     run.met.add(self.lines[i][1])  # type: ignore[arg-type]
+                    resolution = resolution if run.is_of_surfaces else True
                     found[i] = ties, resolution if run.order > 0 else np.logical_not(resolution)
         return found
 

@@ -25,9 +25,9 @@ def erfc(x: Value) -> Value:
 
 
 def tie(run: Run, g: Value, scale: Value, r: Value, k: int) -> Value:
-    """Returns whether g > 0; where g vanishes to rounding, the order of the run decides."""
+    """Returns whether g > 0; where g vanishes to rounding, the order of the run decides: that of the surfaces, or all are true or false."""
     near = rules.ties(np, g, scale)
     if not near.any():
         return g > 0.0
     run.met.add(k)
-    return rules.resolved(np, near, g, r, run.order)
+    return rules.resolved(np, near, g, r if run.is_of_surfaces else True, run.order)

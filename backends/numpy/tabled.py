@@ -41,7 +41,7 @@ class TabledKernel:
         out = np.zeros((self.tabled.outputs, n))
         for number, (entries, targets) in self._sent.items():
             np.add.at(out, targets, found.values[number].reshape(n, -1).T[entries])
-        return Outcome(out, found.missed, found.evaluations, found.crowded)
+        return Outcome(out, found.missed, found.evaluations, found.crowded, found.tied)
 
 
 def _filled(table: Table, columns: Sequence[Column], n: int) -> Column:

@@ -31,6 +31,18 @@ def units(p: Parameter, given: Mapping[str, Any]) -> Iterator[Any]:
         yield direction
 
 
+def generic(wrt: Sequence[Parameter], given: Mapping[str, Any]) -> dict[str, Any]:
+    """Returns a direction along all parameters whose components have no order, so that no few of them cancel."""
+    import numpy as np
+
+    random = np.random.default_rng(len(wrt))
+    found: dict[str, Any] = {}
+    for p in wrt:
+        shape = shape_of(p, given)
+        found[p.name] = random.choice([-1.0, 1.0], shape) * random.uniform(0.5, 1.0, shape)
+    return found
+
+
 @dataclass(frozen=True)
 class Directions:
     """The directions along which a program is differentiated: by the parameters `wrt`, among all its parameters `leaves`."""

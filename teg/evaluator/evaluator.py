@@ -19,8 +19,9 @@ from teg.evaluator.arguments import (
     values_by_name,
     with_rounding,
 )
+from teg.evaluator.both_sides import taken
 from teg.evaluator.counting import Counting
-from teg.evaluator.directions import Directions, shape_of, units
+from teg.evaluator.directions import Directions, generic, shape_of, units
 from teg.evaluator.explain import checked_derivatives, explained
 from teg.evaluator.kernels import Kernels, Key, dimensions_of
 from teg.evaluator.nodes import NodeFinder, moved_by
@@ -37,7 +38,7 @@ from teg.passes.normalise.sums import NeedsLengths
 from teg.pipeline import flatten, normal_form
 from teg.program import Program
 from teg.program.arrays import ArrayProgram
-from teg.report.diagnose import Diagnosis, Watch, diagnose
+from teg.report.diagnose import Diagnosis, Second, Watch, diagnose
 from teg.report.explain import Asked
 from teg.report.explanation import SHOWN, Explanation, shortened
 from teg.report.inventory import text_of
@@ -97,7 +98,7 @@ class Evaluator:
         self._entries = len(flatten(e))
         self._program = write_all_out(e) if options.functions == "inlined" else self.expression
         self._quick = options.backend == "c" and not self._loops and not (options.maps and options.check_maps)
-        self._watches: Kept[tuple[Wanted, Integration], NumberWatch] = Kept(2)  # programs compiled for diagnoses
+        self._watches: Kept[Integration, NumberWatch] = Kept(2)  # programs compiled for diagnoses
         self._finders: Kept[Parameter | None, NodeFinder] = Kept(KEPT)
         self._made: Kept[tuple[tuple[int, ...], tuple[int, ...]], Kernels] = Kept(KEPT)
         self._counting: Kept[None, Counting] = Kept(1)
@@ -313,26 +314,40 @@ class Evaluator:
         import numpy as np
 
         call, kernels = self._call(GRADIENT, self.by_name(args, named))
+        seconds = self._seconds(kernels, call)
         if self._loops:
-            return diagnose(self._loop_watch(kernels, call), call, np.empty((0, call.n)))
-        return diagnose(*self._number_watch(kernels, call))
+            return diagnose(self._loop_watch(kernels, call), call, np.empty((0, call.n)), seconds)
+        return diagnose(*self._number_watch(kernels, call), seconds)
+
+    def _seconds(self, kernels: Kernels, call: Call) -> list[Second] | None:
+        """Returns what is known of the second derivatives of each element, if any were asked for before."""
+        if kernels.has(HESSIAN):
+            return kernels.seconds(HESSIAN, call)
+        if not kernels.has_products:
+            return None
+        wanted, moved = self._generic_product(call)
+        second_call, _ = self._call(wanted, moved)
+        kernels.check(Key(wanted), second_call)
+        return kernels.seconds(wanted, second_call)
+
+    def _generic_product(self, call: Call) -> tuple[Wanted, dict[str, Any]]:
+        """Returns the product with a direction without an order, and the arguments of its call."""
+        names = [*call.names, *(p.name for p in self._leaves if isinstance(p, ArrayName))]
+        given = dict(zip(names, [*call.columns, *call.arrays], strict=True))
+        return self._directions.moved(given, generic(self.wrt, given))
 
     def _number_watch(self, kernels: Kernels, call: Call) -> tuple[Watch, Call, np.ndarray]:
-        """Returns the watch of a program without loops, of its Hessian too, if that was asked for before, compiled once; the call, and the
-        values there."""
-        wanted = HESSIAN if kernels.has(HESSIAN) else GRADIENT
-        outcome = kernels.outcome(Key(wanted), call)  # with room for all roots
-        how, entries = kernels.room_of(wanted), len(self.output_names(0))
+        """Returns the watch of a program without loops, compiled once; the call, and the values there."""
+        outcome = kernels.outcome(Key(GRADIENT), call)  # with room for all roots
+        how, entries = kernels.room_of(GRADIENT), len(self.output_names(0))
 
         def made() -> NumberWatch:
-            return NumberWatch(self.expression, self.outputs(wanted.orders), self.output_names(1), self.wrt, self.parameters, how)
+            return NumberWatch(self.expression, self.outputs(1), self.output_names(1), self.wrt, self.parameters, how)
 
-        return self._watches.get((wanted, how), made), call, outcome.values[:entries].reshape(entries, call.n)
+        return self._watches.get(how, made), call, outcome.values[:entries].reshape(entries, call.n)
 
     def _loop_watch(self, kernels: Kernels, call: Call) -> Watch:
         """Returns the watch of a program with loops."""
-        import numpy as np
-
         plan, options = kernels.plan, self._options
         kernels.check(Key(GRADIENT), call)
         kernels.outcome(Key(GRADIENT), call)  # with room for all roots
@@ -340,16 +355,17 @@ class Evaluator:
         values = [on_cells(leaf, partial(normal_form, maps=options.maps)) for leaf in plan.entries]
         probes = plan.derivation.scheduled([probes_of(v) for v in values], VALUE, options.integration)
         call.check(probes)
-        second: Any = None
-        if kernels.has_products:
-            names = [*call.names, *(p.name for p in self._leaves if isinstance(p, ArrayName))]
-            given = dict(zip(names, [*call.columns, *call.arrays], strict=True))
-            wanted, moved = self._directions.moved(given, {p.name: np.ones(shape_of(p, given)) for p in self.wrt})
-            second_call, _ = self._call(wanted, moved)
-            kernels.check(Key(wanted), second_call)
-            products = kernels.outcome(Key(wanted), second_call).values
-            second = np.all([np.isfinite(v).reshape(call.n, -1).all(axis=1) for v in products], axis=0)
-        return LoopWatch(self.wrt, cast(ArrayProgram, program), probes, second)
+        places = partial(self._creases, kernels, call) if kernels.has_products else None
+        return LoopWatch(self.wrt, cast(ArrayProgram, program), probes, places)
+
+    def _creases(self, kernels: Kernels, call: Call, number: int) -> list[Any]:
+        """Returns the ties of second derivatives, in the iterations of an element of the batch where these depend on their order."""
+        from teg.backends.numpy.ties import TieWatch
+
+        wanted, moved = self._generic_product(taken(call, [number]))
+        second_call, _ = self._call(wanted, moved)
+        program = cast(ArrayProgram, kernels.plan.program(wanted, how=kernels.room_of(wanted)))
+        return TieWatch(program).ties(second_call.doubles, second_call.arrays, 1)[1]
 
     @property
     def dtype(self) -> str:

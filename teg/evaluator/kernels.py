@@ -11,8 +11,21 @@ from teg.analysis.bodies import write_all_out
 from teg.analysis.settings import Integration, with_more_room
 from teg.evaluator.accuracy import has_samples, report_missed, report_not_a_number
 from teg.evaluator.arguments import Call, whole_numbers
+from teg.evaluator.both_sides import (
+    Argument,
+    BothSides,
+    Rates,
+    Ways,
+    along_product,
+    gradient_is_same,
+    only,
+    rounding_of,
+    settled,
+    told,
+    without_order,
+)
 from teg.evaluator.options import Options
-from teg.evaluator.plan import GRADIENT_ALONE, ORDERS, VALUE, Kept, Plan, Wanted, derivative_of_order
+from teg.evaluator.plan import GRADIENT, GRADIENT_ALONE, HESSIAN, ORDERS, VALUE, Kept, Plan, Wanted, derivative_of_order, is_second
 from teg.evaluator.runs import ListedPlan, RunsKernel
 from teg.evaluator.tabled import Tabled
 from teg.evaluator.timing import timed
@@ -22,6 +35,7 @@ from teg.maps.checks import MapChecks
 from teg.program import Outcome, Program
 from teg.program.arrays import ArrayProgram
 from teg.program.tabled import TabledProgram
+from teg.report.diagnose import Second
 
 if TYPE_CHECKING:
     import numpy as np
@@ -60,6 +74,7 @@ class Kernels:
         self._room: Kept[Key, Integration] = Kept()  # for kernels that met more roots than there was room for
         self._sampled: Kept[tuple[Wanted, int | None], bool] = Kept()
         self._checks: Kept[None, MapChecks] = Kept()
+        self._ties: Kept[Key, Any] = Kept()
         self._points: dict[Wanted, Callable[[Sequence[float]], Outcome]] = {}
 
     def kernel(self, key: Key) -> Kernel:
@@ -131,7 +146,7 @@ class Kernels:
                 return None
             self._points[wanted] = cast(Any, self.kernel(Key(wanted))).at_point
         outcome = self._points[wanted](numbers)
-        if outcome.missed or outcome.crowded or any(map(math.isnan, outcome.values[:, 0].tolist())):
+        if outcome.missed or outcome.crowded or (outcome.tied and wanted == HESSIAN) or any(map(math.isnan, outcome.values[:, 0].tolist())):
             return None
         return outcome.values
 
@@ -195,13 +210,65 @@ class Kernels:
         while True:
             outcome = self._run(key, call)
             if not outcome.crowded or not any(np.isnan(v).any() for v in outcome.values):
-                return outcome
+                return self._settled(key, call, outcome) if np.any(outcome.tied) and call.n else outcome
             wider = with_more_room(self.room(key))
             if wider is None:
                 return outcome
             self._room.put(key, wider)
             self._kernels.drop(key)
             self._points.clear()
+
+    def _settled(self, key: Key, call: Call, outcome: Any) -> Any:
+        """Returns an outcome at ties, with second derivatives as the mean of both sides."""
+        wanted, plan = key.wanted, self.plan
+        if key.counted or plan.options.estimator.name != "exact" or not is_second(wanted):
+            return outcome
+        return settled(outcome, call, self._sides(key, wanted, len(outcome.values)), self._ways(key))
+
+    def seconds(self, wanted: Wanted, call: Call) -> list[Second]:
+        """Returns what is known of the second derivatives of each element."""
+        key = Key(wanted)
+        values = self.outcome(key, call).values
+        sides = self._sides(key, wanted, len(values))
+        return told(sides.numbers(values), call, sides, self._ways(key))
+
+    def _ways(self, key: Key) -> Ways:
+        """Returns what is asked of a program of second derivatives at ties."""
+        wanted, derivation = key.wanted, self.plan.derivation
+
+        def rates(call: Call) -> list[Rates]:
+            if not wanted.along:
+                return [without_order(call, seed) for seed in (0, 1)]
+            (direction,) = derivation.directions(wanted)
+            moving = cast("list[tuple[Argument, Argument]]", [*direction.items()])
+            return [along_product(moving, derivation.arguments(wanted), call)]
+
+        def rounding(call: Call) -> np.ndarray:
+            given = only(call, derivation.arguments(wanted), derivation.arguments(GRADIENT))
+            gradient = self._sides(key, GRADIENT).numbers(self._run(Key(GRADIENT), given).values)
+            return rounding_of(gradient, call, rates(call)[0])
+
+        return Ways(rates, rounding, partial(self._meets_at_places, key))
+
+    def _sides(self, key: Key, wanted: Wanted, results: int = 0) -> BothSides:
+        """Returns the kernel's runs beside a place, and which of so many `results` are what is wanted: the Hessian, the gradient before it,
+        or the product."""
+        entries = len(self.plan.entries) if key.entry is None else 1
+        gradient = slice(entries, entries * (1 + len(self.plan.wrt)))
+        count = results // 2 if key.errors else results
+        which = gradient if wanted == GRADIENT else slice(gradient.stop if wanted == HESSIAN else 0, count)
+        return BothSides(partial(self._run, key), which)
+
+    def _meets_at_places(self, key: Key, call: Call) -> bool:
+        """Returns whether the ties of an element are at places, and none along a curve, and leave a gradient that is known the same on
+        both sides; False for a program with loops."""
+        if self.plan.has_loops:
+            return False
+        if not key.wanted.along and not gradient_is_same(self._sides(key, GRADIENT), call):
+            return False
+        program = cast(Program, self.plan.program(key.wanted, key.entry, False, self.room(key)))
+        ties = self._ties.get(key, lambda: build_ties(program)).met_ties(call.doubles, 1)
+        return all(program.ties[k].at_place for k in ties)
 
     def _run(self, key: Key, call: Call) -> Any:
         kernel: Any = self.kernel(key)
@@ -298,6 +365,13 @@ def build_kernel(program: Program | ArrayProgram | TabledProgram, options: Optio
     from teg.backends.numpy.loops import LaneKernel
 
     return LaneKernel(program, flat)
+
+
+def build_ties(program: Program) -> Any:
+    """Returns a kernel that tells which ties it meets."""
+    from teg.backends.numpy.kernel import compile_numpy
+
+    return compile_numpy(program)
 
 
 def dimensions_of(p: Param | ArrayName) -> int:

@@ -18,7 +18,7 @@ from __future__ import annotations
 import threading
 import weakref
 from collections.abc import Callable, Hashable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Generic, NamedTuple, TypeVar, cast
 
@@ -79,6 +79,11 @@ class Wanted(NamedTuple):
 VALUE, GRADIENT, HESSIAN = Wanted(True, 0), Wanted(True, 1), Wanted(True, 2)
 ORDERS = (VALUE, GRADIENT, HESSIAN)
 GRADIENT_ALONE = Wanted(False, 1)
+
+
+def is_second(wanted: Wanted) -> bool:
+    """Returns whether second derivatives are wanted: the Hessian, or its product with a direction."""
+    return wanted == HESSIAN or (len(wanted.along) == 1 and wanted.orders == 1)
 
 
 def derivative_of_order(order: int, wrt: tuple[Parameter, ...]) -> Wanted:
@@ -231,7 +236,8 @@ class Derivation:
     def _flat(self, wanted: Wanted, entry: int | None, errors: bool, how: Integration) -> Program:
         names = [p.name for p in self.arguments(wanted)]
         outputs = [leaf for e in self.outputs(wanted, entry) for leaf in flatten(e)]
-        return program_for(outputs, names, how, errors, about=About(differentiated=flatten(self.outputs(VALUE, entry)[0])))
+        program = program_for(outputs, names, how, errors, about=About(differentiated=flatten(self.outputs(VALUE, entry)[0])))
+        return replace(program, weighs_ties=is_second(wanted))
 
     # -- with loops ----------------------------------------------------------------------------------------------------
 
@@ -257,7 +263,8 @@ class Derivation:
             # one surface is one expression, so that outputs share loops
             together, known = (flatten(canonicalise(simplify.tuple_of(*several))) for several in (cells, sources))
             about = About(differentiated=known, relative=is_relative)
-            return (flat_program if unfinished else program_for)(together, names, how, about=about)
+            program = (flat_program if unfinished else program_for)(together, names, how, about=about)
+            return replace(program, weighs_ties=is_second(wanted))
 
         scalars = [p.name for p in arguments if isinstance(p, Param)]
         return schedule_arrays(outputs, scalars, [p for p in arguments if isinstance(p, ArrayName)], flat, differentiated)

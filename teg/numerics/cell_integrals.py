@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
 from teg.numerics.arrangement import Arrangement
-from teg.numerics.cells import SHIFT, SKEW, Layout, Row
+from teg.numerics.cells import LIMIT, PARTING, SHIFT, SKEW, Layout, Row
 from teg.numerics.measured import Measured
+
+Table = list[list[float]]
+"""A row for each candidate, and one for `otherwise`."""
 
 
 class Integrals(NamedTuple):
@@ -15,7 +19,7 @@ class Integrals(NamedTuple):
 
     values: list[float]
     sizes: list[float]
-    tables: list[list[list[float]]]
+    tables: list[Table]
 
 
 def integrals(shape: Layout, candidates: Sequence[Row], otherwise: Row, slopes: bool) -> Integrals:
@@ -30,15 +34,50 @@ def integrals(shape: Layout, candidates: Sequence[Row], otherwise: Row, slopes: 
     values, sizes = measured.values()
     if not slopes and not shape.order:
         return Integrals(values, sizes, [])
-    tables = measured.tables()
-    if here.touching or here.concurrent:
-        tables = _means(here, candidates, otherwise)
+    tables = _tables(here, candidates, otherwise, measured)
+    speed = measured.parting() if shape.order and here.guarded and not here.undefined else 0.0
+    if speed != 0.0:
+        tables = [_settled(*several, shape.columns) for several in zip(tables, *_parted(shape, candidates, otherwise, speed), strict=True)]
     if shape.order:
         values = [_along(table, shape, k, candidates, otherwise) for k, table in enumerate(tables)]
     return Integrals(values, sizes, tables)
 
 
-def _means(here: Arrangement, candidates: Sequence[Row], otherwise: Row) -> list[list[list[float]]]:
+def _tables(here: Arrangement, candidates: Sequence[Row], otherwise: Row, measured: Measured) -> list[Table]:
+    """Returns the tables of a square, or the mean of both sides."""
+    return _means(here, candidates, otherwise) if here.touching or here.concurrent else measured.tables()
+
+
+def _parted(shape: Layout, candidates: Sequence[Row], otherwise: Row, speed: float) -> tuple[list[Table], list[Table]]:
+    """Returns the tables of a square in which lines through one place part along the direction: M(h) and M(2h)."""
+    found = []
+    for h in (PARTING / speed, 2.0 * PARTING / speed):
+        sides = []
+        for step in (h, -h):
+            rows, rest = [_moved(row, step) for row in candidates], _moved(otherwise, step)
+            there = Arrangement(shape, rows)
+            sides.append(_tables(there, rows, rest, Measured(shape, there, rows, rest)))
+        found.append(_mean(*sides))
+    return found[0], found[1]
+
+
+def _settled(table: Table, near: Table, far: Table, own: int) -> Table:
+    """Returns a table whose first `own` columns, second derivatives, are the limit of the mean of both sides."""
+    size = max((abs(v) for row in near for v in row[:own] if math.isfinite(v)), default=0.0)
+
+    def limit(v: float, a: float, b: float) -> float:
+        return 2.0 * a - b if not math.isnan(v) and abs(a - b) <= LIMIT * size else math.nan
+
+    return [[*map(limit, r[:own], p[:own], q[:own]), *r[own:]] for r, p, q in zip(table, near, far, strict=True)]
+
+
+def _moved(row: Row, step: float) -> Row:
+    """Returns a row with its numbers moved along their direction."""
+    half = len(row) // 2
+    return [*(v + step * d for v, d in zip(row[:half], row[half:], strict=True)), *row[half:]]
+
+
+def _means(here: Arrangement, candidates: Sequence[Row], otherwise: Row) -> list[Table]:
     """Returns the tables of a square with something on its sides, or with more equal keys at one place than have a second derivative
     there: as means of both sides."""
     sides = []
@@ -47,7 +86,13 @@ def _means(here: Arrangement, candidates: Sequence[Row], otherwise: Row) -> list
         there = Arrangement(here.shape, candidates, shift, sign * bool(here.concurrent))
         there.ambiguous |= here.concurrent > 1 or (here.concurrent > 0 and there.concurrent > 0)
         sides.append(Measured(here.shape, there, candidates, otherwise).tables())
-    return [[[0.5 * (a + b) for a, b in zip(r, s, strict=True)] for r, s in zip(p, q, strict=True)] for p, q in zip(*sides, strict=True)]
+    return _mean(*sides)
+
+
+def _mean(one: Sequence[Table], other: Sequence[Table]) -> list[Table]:
+    return [
+        [[0.5 * (a + b) for a, b in zip(r, s, strict=True)] for r, s in zip(p, q, strict=True)] for p, q in zip(one, other, strict=True)
+    ]
 
 
 def _along(table: Sequence[Row], shape: Layout, body: int, candidates: Sequence[Row], otherwise: Row) -> float:

@@ -20,7 +20,9 @@ is equal to theirs along an edge).
 Along a direction (`order` 1) the corners of the cells move as the intersections of the lines of their edges do, and with them everything
 above, by the product rule. Second derivatives jump where four keys are equal at one place, or three on a side of the square, or two at its
 corner, as among sites on a grid. Where no guard has a line in the square they are the mean of two arrangements, of keys that are taken
-apart a little and of the opposite; with still more keys at one place they are NaN.
+apart a little and of the opposite; with still more keys at one place they are NaN. They jump, too, where a corner of a cell lies on another
+line, a side or a guard's for one, from which the direction parts it: there they are the mean of both sides, M(h) = ½(H(h) + H(-h)) with all
+numbers moved by ±h times the direction, as 2·M(h) - M(2h); NaN where M has no limit, as where a line turns on another one.
 
 A candidate is absent where one of its guards is below 0 on all of the square, whatever its other numbers are; a guard or a key of another
 one that is not finite makes everything NaN. Equal keys: the lower index. A corner nearer than EPSILON to a line lies on it: common edges of
@@ -48,6 +50,16 @@ SKEW = 0.7
 """The second coordinate of that step, in units of the first."""
 NUDGE = 1e-10
 """The size of what is added to keys where more of them are equal at one place than have a second derivative there, relative to theirs."""
+PARALLEL = 1e-9
+"""The sine of an angle below which lines through one place are one."""
+PARTING = 1e-8
+"""How far lines through one place are moved apart along the direction, where they part."""
+PARTED = 1e-7
+"""The speed of a corner beyond a line that is no rounding, relative to how fast anything in the square moves."""
+LIMIT = 1e-5
+"""How far second derivatives with a limit change from one such distance to the double of it, relative to the largest of them."""
+SLOW = 1e-3
+"""The relative speed below which lines through one place part too slowly for a mean of both sides, which is NaN then."""
 ROUNDING = 1e-13
 """The rounding of a key, relative to its constant."""
 SAME, PLACES = 1e-10, 8

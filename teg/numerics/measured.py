@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from teg.numerics.arrangement import Arrangement, Cell, Line
-from teg.numerics.cells import BOX, EPSILON, NO_OWNER, PLACES, SAME, Form, Layout, Point, Row, monomials
+from teg.numerics.cells import BOX, EPSILON, NO_OWNER, PARALLEL, PARTED, PLACES, SAME, SLOW, Form, Layout, Point, Row, monomials
 from teg.numerics.quadrature import gauss_legendre, triangle_rule
 
 
@@ -32,6 +32,11 @@ def twins(arrangement: Arrangement) -> dict[int, list[tuple[int, float]]]:
             found[line] = [(other, sign * turned) for other, turned in group if other not in arrangement.guards[line]]
         first = k
     return found
+
+
+def known(speed: float) -> float:
+    """Returns a speed; 0 if it is not known, of edges that had another line before."""
+    return 0.0 if math.isnan(speed) else speed
 
 
 class Measured:
@@ -81,6 +86,23 @@ class Measured:
             else:  # a corner on a straight line
                 found.append((0.5 * (r * e + s * g), 0.5 * (r * f + s * h)))
         return found
+
+    def parting(self) -> float:
+        """Returns the largest speed with which a corner leaves another line that it lies on; 0 if all of them stay, NaN if it is too slow.
+        Lines that coincide with an edge at the corner are left out."""
+        fastest = moving = 0.0
+        for cell in self.arrangement.cells:
+            for i, ((x, y), (p, q)) in enumerate(zip(cell.corners, self.velocities(cell), strict=True)):
+                moving = max(moving, known(abs(p) + abs(q)))
+                edges = [self.arrangement.lines[label >> 1].unit for label in (cell.labels[i - 1], cell.labels[i])]
+                for number, line in enumerate(self.arrangement.lines):
+                    c, a, b = line.unit
+                    if abs(c + a * x + b * y) > EPSILON or any(abs(a * f - b * e) <= PARALLEL for _, e, f in edges):
+                        continue
+                    d, e, f = self._rate(number)
+                    moving = max(moving, known(abs(d) + abs(e) + abs(f)))
+                    fastest = max(fastest, known(abs(d + e * x + f * y + a * p + b * q)))
+        return 0.0 if fastest <= PARTED * moving else math.nan if fastest < SLOW * moving else fastest
 
     def _all_moments(self) -> dict[int, tuple[list[float], list[float]]]:
         """Returns the moments of every owner's cells, and their derivatives along the direction."""

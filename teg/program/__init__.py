@@ -80,6 +80,7 @@ from teg.program.limits import (
     TIE_EPS,
     UNSEEN,
     WATCH_WIDTH,
+    WEIGHED,
 )
 from teg.program.rules import Adaptive, Gauss, Midpoint, Rational, Rule
 from teg.program.statements import (
@@ -180,6 +181,7 @@ __all__ = [
     "TIE_EPS",
     "UNSEEN",
     "WATCH_WIDTH",
+    "WEIGHED",
     "Adaptive",
     "Arg",
     "Assign",

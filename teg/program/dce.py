@@ -12,7 +12,7 @@ from teg.program.walk import assigned
 def without_dead_code(program: Program) -> Program:
     """Returns the program without statements of which no result is used."""
     live: set[Arg] = set(program.outputs)
-    return Program(program.parameters, _live_part(program.body, live), program.outputs, program.ties, program.functions)
+    return replace(program, body=_live_part(program.body, live))
 
 
 def _live_part(block: tuple[Stmt, ...], live: set[Arg]) -> tuple[Stmt, ...]:

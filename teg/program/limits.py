@@ -8,6 +8,8 @@ PIECE_EPS = 4 * 2.0**-52
 """A piece is skipped that is thinner than this, relative to the larger of its ends."""
 TIE_EPS = 4 * 2.0**-52
 """A number is a tie that is at most this times the scale of its rounding errors."""
+WEIGHED = 1e-11
+"""Results that differ by no more than this, relative to the largest of a run, are the same where ties are weighed."""
 INSIDE = 0.4854101966249685
 """Where in a piece its conditions are decided: not in its middle, where by symmetry two surfaces may touch."""
 

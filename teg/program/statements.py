@@ -464,20 +464,23 @@ Stmt = Assign | Integrate | Isolate | Locate | SumOver | Sample | Polygon | Poly
 
 class Outcome(NamedTuple):
     """The results of a run of a program: its outputs, (outputs, n); whether a tolerance was missed anywhere; the number of evaluations of
-    integrands without integrals inside (0 if the kernel was not asked to count); and whether a search found more roots than it has room
-    for."""
+    integrands without integrals inside (0 if the kernel was not asked to count); whether a search found more roots than it has room
+    for; and whether ties were met, of all elements together or of each, (n,)."""
 
     values: np.ndarray
     missed: bool
     evaluations: int
     crowded: bool = False
+    tied: bool | np.ndarray = False
 
 
 @dataclass(frozen=True, slots=True)
 class Tie:
-    """The two surfaces, printed, that a `tie` operation compares. They are for diagnosis."""
+    """The two surfaces, printed, that a `tie` operation compares, and whether it compares them at one place, not along a curve. They are
+    for diagnosis, and for second derivatives on both sides of such a place."""
 
     surfaces: tuple[str, str]
+    at_place: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -492,13 +495,18 @@ class Called:
 
 @dataclass(frozen=True, slots=True)
 class Program:
-    """A scheduled program: parameters (in order), statements, one output name or literal per result."""
+    """A scheduled program: parameters (in order), statements, one output name or literal per result.
+
+    Of a program that `weighs_ties` an outcome need tell of a tie only where it matters: where results differ between the two orders, or, if
+    these are the same, with all resolutions true (order +2) and all false (-2).
+    """
 
     parameters: tuple[str, ...]  # the user's names, any text; in the program parameter i is called 'p{i}'
     body: tuple[Stmt, ...]
     outputs: tuple[Arg, ...]
     ties: tuple[Tie, ...] = ()
     functions: tuple[Called, ...] = ()
+    weighs_ties: bool = False
 
 
 TEXTS = 256

@@ -75,14 +75,41 @@ class Arguments(Protocol):
     def shapes(self) -> Sequence[tuple[int, ...]]: ...
 
 
+CREASE = "a surface meets a corner or another surface: second derivatives differ from side to side, and their mean is given"
+CREASE_WITHOUT_MEAN = (
+    "a surface meets a corner or another surface: second derivatives differ from side to side, and no mean of them is given"
+)
+MANY_SIDES = "surfaces meet at a corner or at one place: second derivatives have more than two sides, and are not a number"
+
+STRAY = "second derivatives are given that are other ones within a few roundings"
+
+
+class Second(NamedTuple):
+    """What is known of the second derivatives that a call gives at an element: whether they are `finite`, whether they differ from side to
+    side (`jumps`), and whether those given are the `mean`."""
+
+    finite: bool
+    jumps: bool
+    mean: bool
+
+    @property
+    def message(self) -> str:
+        """Returns in words what is wrong with them; "" if nothing is."""
+        if not self.finite:
+            return MANY_SIDES if self.jumps else "a second derivative is infinite, or not a number, here"
+        return (CREASE if self.mean else CREASE_WITHOUT_MEAN) if self.jumps else "" if self.mean else STRAY
+
+
 class Element(NamedTuple):
-    """One element of a batch, its place in it, the values of its numbers, and the program's own values there."""
+    """One element of a batch, its place in it, the values of its numbers, the program's own values there, and what is known of second
+    derivatives, if they were asked for."""
 
     columns: list[Numbers]
     arrays: list[Numbers]
     number: int
     values: dict[str, float]
     computed: Numbers
+    second: Second | None = None
 
 
 class Look(NamedTuple):
@@ -101,9 +128,9 @@ class Watch(Protocol):
     def one_sided(self, look: Look, at: Element) -> list[Diagnosis]: ...
 
 
-def diagnose(watch: Watch, given: Arguments, computed: Numbers) -> list[Diagnosis]:
+def diagnose(watch: Watch, given: Arguments, computed: Numbers, seconds: Sequence[Second] | None = None) -> list[Diagnosis]:
     """Returns one Diagnosis for each reason, iteration and element: ties, and results that are infinite or NaN; `computed` are the values
-    that the call gave, (entries, n).
+    that the call gave, (entries, n), `seconds` tells of the second derivatives of each element.
 
     If there are none of these: gradients that change within a few roundings.
     """
@@ -114,7 +141,7 @@ def diagnose(watch: Watch, given: Arguments, computed: Numbers) -> list[Diagnosi
         columns = [c if c.ndim == 0 else c[i : i + 1] for c in given.doubles]
         arrays = [a if a.ndim == len(own) else a[i : i + 1] for a, own in zip(given.arrays, given.shapes, strict=True)]
         numbers = {k: float(np.ravel(c)[0]) for k, c in zip(given.names, columns, strict=True)}
-        at = Element(columns, arrays, i, numbers, computed[:, i])
+        at = Element(columns, arrays, i, numbers, computed[:, i], None if seconds is None else seconds[i])
         look = watch.look(at)
         mine = [*look.ties]
         if all(np.isfinite(v).all() for v in (*columns, *arrays)):

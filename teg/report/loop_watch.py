@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from teg.analysis.surfaces import atoms_of
 from teg.ir.arrays import Gather, Ranged, Sum, sum_over
@@ -42,13 +42,19 @@ MOST = 100
 class LoopWatch:
     """A program of values and derivatives by `wrt`, and `probes_of` the normal form of the values.
 
-    `second` returns, for each element, whether its second derivatives are finite, if they were asked for before.
+    `creases` returns the ties of second derivatives at an element of the batch, if they were asked for before.
     """
 
-    def __init__(self, wrt: Sequence[Param | ArrayName], program: ArrayProgram, probes: ArrayProgram, second: Any = None) -> None:
+    def __init__(
+        self,
+        wrt: Sequence[Param | ArrayName],
+        program: ArrayProgram,
+        probes: ArrayProgram,
+        creases: Callable[[int], Sequence[MetTie]] | None = None,
+    ) -> None:
         from teg.backends.numpy.ties import TieWatch
 
-        self.wrt, self.program, self.second = wrt, program, second
+        self.wrt, self.program, self.creases = wrt, program, creases
         self.watch, self.borders = TieWatch(program), TieWatch(probes)
         flat = (s for step in steps(program.body) if isinstance(step, Run) for s in statements(step.program.body))
         self.searched = any(isinstance(s, Isolate) for s in flat)
@@ -75,10 +81,16 @@ class LoopWatch:
             by = [_entry(name, _where(np.isnan(slopes[0]))) for name, slopes in _slopes(self.wrt, look.results) if np.isnan(slopes).any()]
             reason = f"the derivative by {by[0]} is not a number here" if by else "the value is not a number here"
             return [Diagnosis("not a number", (), at.values, reason, at.number)]
-        if not look.ties and self.second is not None and not self.second[at.number]:
-            message = "a second derivative is infinite, or not a number, here"
-            return [Diagnosis("second derivative", (), at.values, message, at.number)]
-        return []
+        if look.ties or at.second is None or not at.second.message:
+            return []
+        return self._second(at, at.second.message)
+
+    def _second(self, at: Element, message: str) -> list[Diagnosis]:
+        """Returns diagnoses of second derivatives, in each iteration whose surfaces meet, if these are known."""
+        met = [] if self.creases is None else self.creases(at.number)
+        ties = _ties(met, at, lambda surfaces: ("second derivative", (), message))
+        once = list({tuple(tie.iteration.items()): tie for tie in ties}.values())
+        return once or [Diagnosis("second derivative", (), at.values, message, at.number)]
 
     def one_sided(self, look: Look, at: Element) -> list[Diagnosis]:
         """Returns diagnoses of derivatives that jump while all parameters move a few roundings, in random directions."""

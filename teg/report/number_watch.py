@@ -19,7 +19,7 @@ from teg.passes.lower.integrals import About
 from teg.pipeline import flatten, normal_form, program_for
 from teg.program import Isolate, statements
 from teg.report.diagnose import BORDER, CHANGE, NOTHING, STEP, STEP_OVER_TIES, Diagnosis, Element, Look
-from teg.report.parameter_steps import only_in_steps, steps_of_parameters
+from teg.report.parameter_steps import only_in_steps, steps_of_parameters, vanishing
 
 if TYPE_CHECKING:
     import numpy as np
@@ -30,7 +30,8 @@ if TYPE_CHECKING:
     Numbers = npt.NDArray[np.float64]
 
 
-CREASE = "a surface meets a corner or another surface: second derivatives differ from side to side, and their mean is given"
+EVERYWHERE = "all of an integral"
+"""In the place of a second surface: the first one is everything at these parameters."""
 MOST_EVALUATIONS = 2**24
 """The largest number of evaluations of a gradient that is looked into: a diagnosis takes a dozen of them."""
 NOT_LOOKED_AT = (
@@ -47,7 +48,7 @@ class NumberWatch:
     """The program of derivatives, and of the conditions on parameters. Values may take far more evaluations: they are known from the call,
     and their changes are looked at only where a condition on parameters is at its border.
 
-    `outputs` begin with the values and the first derivatives, called `names`; the first `first_order` results are those derivatives.
+    `outputs` are the values and the first derivatives, called `names`.
     Derivatives are taken by `wrt`; `parameters` are the arguments.
     """
 
@@ -62,14 +63,14 @@ class NumberWatch:
     ) -> None:
         from teg.backends.numpy.kernel import compile_numpy
 
-        leaves = [leaf for output in outputs[1:] for leaf in flatten(output)]
+        leaves = flatten(outputs[1])
         self.expression, self.names, self.parameters = e, names, parameters
         self._value = flatten(outputs[0])
-        self._outputs, self._how = [leaf for output in outputs[:2] for leaf in flatten(output)], how
+        self._outputs, self._how = [leaf for output in outputs for leaf in flatten(output)], how
         self.wrt = {p.name for p in wrt}
         self.program = program_for([*leaves, *_probes(e)], parameters, how, about=About(differentiated=flatten(outputs[0])))
         self.kernel = compile_numpy(self.program, most=MOST_EVALUATIONS)
-        self.results, self.first_order = len(leaves), len(names) - len(flatten(e))
+        self.results = len(leaves)
         self.searched = any(isinstance(s, Isolate) for s in statements(self.program.body))  # roots that meet to rounding are a tangency
 
     def look(self, at: Element) -> Look:
@@ -83,20 +84,22 @@ class NumberWatch:
         if ended:
             message = NOT_LOOKED_AT.format(MOST_EVALUATIONS)
             return Look(results[: self.results], [Diagnosis("not looked at", (), at.values, message, at.number)], STEP)
-        results, differ = results[: self.results], np.zeros(self.results, dtype=bool)
-        here = results[: self.first_order, 0]
+        results, differ = results[: self.results], False
+        here = results[:, 0]
         if met:
             one, other = (self.kernel.in_order(at.columns, 1, order)[: self.results, 0] for order in (1, -1))
-            differ = ~np.isclose(one, other, rtol=1e-9, atol=1e-12, equal_nan=True)
+            differ = not np.isclose(one, other, rtol=1e-9, atol=1e-12, equal_nan=True).all()
         pairs = [self.program.ties[k].surfaces for k in met]
-        pairs = _once([pair for pair in pairs if pair[1] == BORDER or differ[: self.first_order].any()])
+        pairs = _once([pair for pair in pairs if pair[1] in (BORDER, EVERYWHERE) or differ])
         ties: list[Diagnosis] = []
-        if differ.any() and not differ[: self.first_order].any():  # surfaces that meet on the boundary: their formulas are the compiler's
-            ties = [Diagnosis("second derivative", (), at.values, CREASE, at.number)]
+        if (
+            at.second and at.second.finite and at.second.message and not differ
+        ):  # surfaces that meet on the boundary: their formulas are the compiler's
+            ties = [Diagnosis("second derivative", (), at.values, at.second.message, at.number)]
         if pairs:
             finite = all(np.isfinite(v) for v in at.values.values()) and np.isfinite(here).all()
             moves = []
-            if finite and any(pair[1] == BORDER for pair in pairs):
+            if finite and any(pair[1] in (BORDER, EVERYWHERE) for pair in pairs):
                 whole = compile_numpy(
                     program_for(self._outputs, self.parameters, self._how, about=About(differentiated=self._value)), most=MOST_EVALUATIONS
                 )
@@ -104,6 +107,7 @@ class NumberWatch:
             elif finite:
                 moves = self._moves(self.kernel, at, here, STEP_OVER_TIES)
             words = _steps_in_numbers(self.expression, at.values)
+            pairs = [pair for pair in pairs if moves or pair[1] != EVERYWHERE]
             ties += [_of_pair((words.get(first, first), words.get(second, second)), moves, at) for first, second in pairs]
         return Look(results, ties, STEP_OVER_TIES if met or self.searched else STEP)
 
@@ -111,19 +115,19 @@ class NumberWatch:
         """Returns diagnoses of infinite derivatives, and of values and derivatives that are NaN."""
         import numpy as np
 
-        first, second = np.concatenate([at.computed, look.results[: self.first_order, 0]]), look.results[self.first_order :]
+        first = np.concatenate([at.computed, look.results[:, 0]])
         kind, message = "", ""
         if np.isinf(first).any():
             kind, message = "infinite derivative", "a derivative is infinite here: a region is born or meets a pole"
         elif np.isnan(first).any():
             kind, message = "not a number", f"{self.names[int(np.argmax(np.isnan(first)))]} is not a number here"
-        elif not np.isfinite(second).all():
-            kind, message = "second derivative", "a second derivative is infinite, or not a number, here"
+        elif at.second and not at.second.finite and not look.ties:
+            kind, message = "second derivative", at.second.message
         return [Diagnosis(kind, (), at.values, message, at.number)] if kind else []
 
     def one_sided(self, look: Look, at: Element) -> list[Diagnosis]:
         """Returns a diagnosis of the largest change along each parameter."""
-        first = {m.parameter: m for m in reversed(self._moves(self.kernel, at, look.results[: self.first_order, 0], look.step))}
+        first = {m.parameter: m for m in reversed(self._moves(self.kernel, at, look.results[:, 0], look.step))}
         found = []
         for move in reversed(first.values()):
             place = f"within {move.step:.1e} of {move.parameter} = {at.values[move.parameter]:.6g}"
@@ -193,7 +197,7 @@ def _of_pair(pair: tuple[str, str], moves: Sequence[_Move], at: Element) -> Diag
     first, second = pair
     own = [m for m in moves if m.result.endswith(f"/ d {m.parameter}") or not m.result.startswith("d ")][:MOVES]
     sides = "; ".join(m.text for m in own)
-    if second == BORDER:
+    if second in (BORDER, EVERYWHERE):
         message = f"the parameters lie on {first}"
         return Diagnosis("parameter surface", (first,), at.values, f"{message}: {sides}" if sides else message, at.number)
     message = f"{first} coincides with {second}; "
@@ -201,15 +205,18 @@ def _of_pair(pair: tuple[str, str], moves: Sequence[_Move], at: Element) -> Diag
 
 
 def _probes(e: Expr) -> list[Expr]:
-    """Returns expressions that meet a tie on the border of a condition on parameters, and on the steps of a floor of parameters.
+    """Returns expressions that meet a tie on the border of a condition on parameters, on the steps of a floor of parameters, and where a
+    surface is everything.
 
     A condition on such floors alone, [floor(a) > 0], is on its border on whole intervals: it changes at their steps only.
     """
     found: dict[str, Expr] = {}
     for atom in atoms_of(normal_form(e)):
+        title = f"{show(atom.g, 300)} = 0"
         if not atom.g.free and atom.resolution is None and not only_in_steps(atom.g):
-            title = f"{show(atom.g, 300)} = 0"
             found.setdefault(title, bracket(positive(atom.g, atom.strict, TRUE, (title, BORDER))))
+        elif atom.g.free and atom.resolution is None and (size := vanishing(atom.g)) is not None:
+            found.setdefault(title, bracket(positive(size, True, TRUE, (title, EVERYWHERE))))
     for title, g in steps_of_parameters(e):
         found.setdefault(title, bracket(positive(g, True, TRUE, (title, BORDER))))
     return list(found.values())

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from contextlib import suppress
+from typing import TYPE_CHECKING, cast
 
-from teg.ir.expr import Call, Expr, Param
+from teg.analysis.calculus import slope
+from teg.errors import NotDifferentiableError
+from teg.ir.expr import ZERO, Call, Const, Expr, Param, Var, const
 from teg.ir.node import Node, postorder
 from teg.ir.show import show
-from teg.ir.simplify import call
+from teg.ir.simplify import add, call
+from teg.ir.traverse import substitute
 
 if TYPE_CHECKING:
     import numpy as np
@@ -16,6 +21,8 @@ if TYPE_CHECKING:
     Numbers = npt.NDArray[np.float64]
 
 
+PLACES = (0.3719281, 0.6180339, 0.1415926, 0.8662514, 0.5257311)
+"""Coordinates of places on which a surface does not lie unless it is everything."""
 STEPS = ("floor", "ceil", "round", "mod")
 
 
@@ -30,6 +37,25 @@ def steps_of_parameters(e: Expr) -> list[tuple[str, Expr]]:
             if only_in_steps(u):  # it changes where the inner steps do
                 continue
             found.append((f"a step of {show(node, 300)}", u - call("floor", u + 0.5)))
+    return found
+
+
+def vanishing(g: Expr) -> Expr | None:
+    """Returns an expression of parameters that is 0 where a surface is all of the integrals over its variables, as a·x + b = 0 is at
+    a = b = 0: a sum of sizes at places without an order. None if it never is."""
+    variables = sorted((v for v in g.free if isinstance(v, Var)), key=lambda v: v.name)
+    if not variables or g.has_integral or g.has_delta or any(isinstance(s, Const) and s is not ZERO for s in _slopes(g, variables)):
+        return None
+    at = [{v: const(PLACES[(k + 2 * i) % len(PLACES)]) for i, v in enumerate(variables)} for k in range(3)]
+    return add(*(call("magnitude", cast(Expr, substitute(g, place))) for place in at))
+
+
+def _slopes(g: Expr, variables: Sequence[Var]) -> list[Expr]:
+    """Returns the slopes of a surface; those of functions without any are left out."""
+    found = []
+    for v in variables:
+        with suppress(NotDifferentiableError):
+            found.append(slope(g, v))
     return found
 
 

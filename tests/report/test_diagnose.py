@@ -10,6 +10,7 @@ import pytest
 import teg
 from teg.ir.show import show
 from teg.report import number_watch
+from teg.report.diagnose import Second
 
 x, y = teg.vars("x y")
 t, a, b = teg.params("t a b")
@@ -65,8 +66,8 @@ def test_infinite_derivatives_beside_the_point_are_told() -> None:
     """[a·x·y < t] at a = t = 0: the derivative by t is ±inf at any other a, and 0 here. NumPy warned of inf - inf."""
     f = teg.compile(teg.integral(teg.bracket(a * x * y < t), (x, 0, 1), (y, 0, 1)), [t, a], backend="numpy")
     (diagnosis,) = f.diagnose(t=0.0, a=0.0)
-    assert diagnosis.kind == "one-sided"
-    assert "d value / d t goes from inf to inf, and is given as 0" in diagnosis.message
+    assert diagnosis.kind == "parameter surface"
+    assert "value is 0 below t and 1 above" in diagnosis.message
 
 
 def test_each_pair_is_told_once() -> None:
@@ -152,6 +153,44 @@ def test_surfaces_that_meet_on_a_boundary_are_told_without_the_compilers_formula
     assert (crease.kind, crease.surfaces) == ("second derivative", ())
     assert "second derivatives differ" in crease.message
     assert [d.kind for d in f.diagnose(t=1.0, a=0.0)] == ["tie"]
+
+
+@pytest.mark.parametrize(
+    "e", [teg.bracket(a * x + t > 0), teg.bracket(a * x < t) * x, teg.floor(a * x + t), teg.ceil(a * x + t) * x, teg.mod(a * x + t, 1)]
+)
+def test_a_surface_that_is_all_of_an_integral_is_told(e: teg.Expr) -> None:
+    """Values jump at a = t = 0, and in no neighbourhood is there another tie; it was said of none of them."""
+    f = teg.compile(teg.integral(e, UNIT), [t, a])
+    found = f.diagnose(t=0.0, a=0.0)
+    assert {d.kind for d in found} == {"parameter surface"}
+    assert any("value is " in d.message for d in found)
+    assert f.diagnose(t=0.3, a=0.0) == []
+
+
+def test_a_surface_that_is_all_of_an_integral_and_jumps_nowhere_is_not_told() -> None:
+    f = teg.compile(teg.integral(teg.maximum(a * x + t, 0.0) ** 2, UNIT), [t, a])
+    assert f.diagnose(t=0.0, a=0.0) == []
+
+
+def test_products_are_looked_at_too() -> None:
+    """Nothing was said where only products of the Hessian were asked for."""
+    f = teg.compile(teg.integral(teg.bracket(x + a * y < t), (x, 0, 1), (y, 0, 1)), [t, a])
+    assert f.diagnose(t=1.0, a=1.0) == []
+    f.hvp({"t": 1.0, "a": 1.0}, {"t": 1.0})
+    assert [d.kind for d in f.diagnose(t=1.0, a=1.0)] == ["second derivative"]
+    assert f.diagnose(t=0.9, a=1.0) == []
+
+
+def test_what_is_said_of_second_derivatives() -> None:
+    def said(finite: bool, jumps: bool, mean: bool) -> str:
+        return Second(finite, jumps, mean).message
+
+    assert said(True, False, True) == ""
+    assert "their mean is given" in said(True, True, True)
+    assert "no mean of them is given" in said(True, True, False)
+    assert "other ones" in said(True, False, False)
+    assert "more than two sides" in said(False, True, False)
+    assert "infinite" in said(False, False, True)
 
 
 def test_a_gradient_that_takes_too_long_is_not_looked_into(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,13 +12,17 @@ from teg.backends.c.text import identifiers
 from teg.numerics.cells import (
     BESIDE,
     EPSILON,
+    LIMIT,
     MOST_DEGREE,
     MOST_GUARDS,
     NUDGE,
+    PARTED,
+    PARTING,
     PLACES,
     SAME,
     SHIFT,
     SKEW,
+    SLOW,
     TILE_AT,
     monomials,
 )
@@ -76,6 +80,7 @@ from teg.program import (
     TIE_EPS,
     UNSEEN,
     WATCH_WIDTH,
+    WEIGHED,
 )
 from teg.program.arrays import CHUNKS, COPIES, LEAST
 
@@ -87,6 +92,8 @@ MANY_CELLS = 24
 """The number of cells of one square from which on those beside a candidate are found by the cuts that made them."""
 FEW = 16
 """The number of regions, or of lines, up to which they are sorted by insertion."""
+NOTED = 64
+"""Places of one square where lines may part that are kept apart; where there are more, all corners are looked at."""
 SOME = 64
 """The number of keys of an interval up to which they are sorted by comparing all of them, side by side."""
 PIECES, LINES = 8, 40
@@ -108,6 +115,7 @@ LIMITS = {
     "TEG_LEAST": LEAST,
     "TEG_PIECE_EPS": PIECE_EPS,
     "TEG_TIE_EPS": TIE_EPS,
+    "TEG_WEIGHED": WEIGHED,
     "TEG_ROUNDING": ROUNDING,
     "TEG_MAX_DEPTH": MAX_DEPTH,
     "TEG_MAX_INTERVALS": MAX_INTERVALS,
@@ -178,6 +186,11 @@ LIMITS = {
     "TEG_ANGLES": 10.0**PLACES,
     "TEG_GUARDS": MOST_GUARDS,
     "TEG_NUDGE": NUDGE,
+    "TEG_SLOW": SLOW,
+    "TEG_PLACES": NOTED,
+    "TEG_LIMIT": LIMIT,
+    "TEG_PARTED": PARTED,
+    "TEG_PARTING": PARTING,
     "TEG_SHIFT": SHIFT,
     "TEG_SKEW": SKEW,
     "TEG_MONOMIALS": len(monomials(MOST_DEGREE)),

@@ -87,13 +87,15 @@ typedef struct {
    stack, and move to the heap as they grow. `nudge`: how far keys are taken apart; `guarded`: guards have lines in the square; `tied`: something
    else has the line of an edge on which two keys are equal; `ambiguous`: such an edge has no derivative; `concurrent`: more keys are equal at
    one place than have a second derivative there, 2 if it has no two sides; `alone`: it is known that no two regions have one line; `last`:
-   the last region is being inserted, and cells of the base need not be there. */
+   the last region is being inserted, and cells of the base need not be there; `place`: corners that
+   lie on a line which is no edge of their cell, as many as there is room for; `parting`: the largest speed with which lines leave such a place
+   along the direction; `moving`: the largest with which anything moves. */
 typedef struct {
     const teg_shape *shape;
     const double *rows;
     int64_t n;
-    double su, sv, nudge, u[2], v[2];
-    int touching, concurrent, guarded, undefined, failed, tied, ambiguous, alone, last;
+    double su, sv, nudge, parting, moving, u[2], v[2], place[2 * TEG_PLACES];
+    int touching, concurrent, guarded, undefined, failed, tied, ambiguous, alone, last, places;
     int64_t base;
     teg_cell *cells;
     size_t cell_count, cell_room;
@@ -113,6 +115,15 @@ typedef struct {
     int *pending, bounds;
     int own_cells, own_lines, own_regions, own_pool, own_scratch;
 } teg_arrangement;
+
+//: teg_note_place
+/* Note a corner on a line, if it is not noted yet. */
+static void teg_note_place(teg_arrangement *r, double x, double y)
+{
+    for (int k = 0; k < r->places; k++)
+        if (fabs(r->place[2 * k] - x) <= TEG_ON_LINE && fabs(r->place[2 * k + 1] - y) <= TEG_ON_LINE) return;
+    if (r->places < TEG_PLACES) r->place[2 * r->places] = x, r->place[2 * r->places + 1] = y, r->places++;
+}
 
 //: teg_grown
 /* An array with more room: from the stack (own is 0) or from the heap. Sets `failed` where there is no memory. */

@@ -175,19 +175,35 @@ static inline void teg_wait(teg_pace *pace, int *working)
 }
 
 //: teg_context
-/* How coinciding surfaces are ordered in this run (+1 or -1), whether any were met, a tolerance was missed, and a search had too
-   little room; the evaluations, if they are counted, and those of adaptive integrals; what may stop it. */
+/* How coinciding surfaces are ordered in this run (+1 or -1; +2 and -2: all their ties are true, or false), whether any were
+   met, a tolerance was missed, and a search had too little room; the evaluations, if they are counted, and those of adaptive
+   integrals; what may stop it. */
 typedef struct {
     int order, tied, missed, crowded;
     long evaluations, work;
     teg_pace *pace;
 } teg_context;
 
+//: teg_differ
+/* Whether results differ, relative to the largest of them; NaN is the same as NaN. */
+static int teg_differ(const double *one, const double *other, int n)
+{
+    double most = 0.0;
+    for (int j = 0; j < n; j++)
+        if (isfinite(one[j]) && fabs(one[j]) > most) most = fabs(one[j]);
+    for (int j = 0; j < n; j++) {
+        const int same = one[j] == other[j] || (isnan(one[j]) && isnan(other[j]));
+        if (!same && !(fabs(one[j] - other[j]) <= TEG_WEIGHED * most)) return 1;
+    }
+    return 0;
+}
+
 //: teg_tie
 static inline int teg_tie(teg_context *ctx, double g, double scale, int r)
 {
     if (fabs(g) <= TEG_TIE_EPS * scale && isfinite(g)) {
         ctx->tied = 1;
+        if (ctx->order > 1 || ctx->order < -1) r = 1;
         return ctx->order > 0 ? r : !r;
     }
     return g > 0.0;

@@ -52,6 +52,44 @@ static void teg_velocities(const teg_arrangement *r, const teg_cell *cell, doubl
     }
 }
 
+//: teg_note_parting
+/* Note with which speed lines leave the place where two of them meet, the sides of the square among them; cuts go on beyond the region that
+   made them. Lines that coincide with one of these two are left out. */
+static void teg_note_parting(teg_arrangement *r, double x, double y)
+{
+    double a[2], b[2], s[2], p = 0.0, q = 0.0;
+    int known = 0;
+    for (size_t k = 0; k < r->line_count; k++) {
+        const teg_line *const line = r->lines + k;
+        double g[3], away;
+        if (fabs(line->c + line->a * x + line->b * y) > TEG_ON_LINE) continue;
+        teg_rate(r, line, g);
+        away = -(g[0] + g[1] * x + g[2] * y);
+        if (isnan(away)) continue;
+        r->moving = teg_most_of(r->moving, fabs(g[0]) + fabs(g[1]) + fabs(g[2]));
+        if (known && fabs(a[0] * line->b - b[0] * line->a) <= 1e-9) continue;
+        if (known < 2) {
+            a[known] = line->a, b[known] = line->b, s[known++] = away;
+            if (known == 2) {
+                const double across = a[0] * b[1] - b[0] * a[1];
+                p = (s[0] * b[1] - b[0] * s[1]) / across, q = (a[0] * s[1] - s[0] * a[1]) / across;
+                r->moving = teg_most_of(r->moving, fabs(p) + fabs(q));
+            }
+        } else if (fabs(a[1] * line->b - b[1] * line->a) > 1e-9)
+            r->parting = teg_most_of(r->parting, fabs(line->a * p + line->b * q - away));
+    }
+}
+
+//: teg_note_partings
+/* The same at all places that may be such, or at all corners where there are more than there was room for. */
+static void teg_note_partings(teg_arrangement *r)
+{
+    for (int k = 0; k < r->places; k++) teg_note_parting(r, r->place[2 * k], r->place[2 * k + 1]);
+    for (size_t k = 0; r->places == TEG_PLACES && k < r->cell_count; k++)
+        for (int i = 0; i < r->cells[k].n; i++) teg_note_parting(r, r->x[r->cells[k].at + (size_t)i], r->y[r->cells[k].at + (size_t)i]);
+    r->places = 0;
+}
+
 //: teg_piece_moments
 /* Add the moments of a piece: its triangles are computed side by side. Returns 0 where that is not to be had. */
 static inline int teg_piece_moments(const teg_shape *s, const double *x, const double *y, double *m)
@@ -225,6 +263,7 @@ static void teg_measure(teg_arrangement *r, const double *otherwise, double *val
     int known = 1;
     if (r->undefined) return;
     if (tables && !whole) teg_find_twins(r);
+    if (s->order && r->guarded) teg_note_partings(r);
     for (int j = 0; j < half; j++) known &= isfinite(f[j]) && (!s->order || isfinite(df[j]));
     for (int total = 0, at = 0; total <= s->degree; total++)
         for (int j = 0; j <= total; j++, at++) rest[at] = teg_power(r->u, total - j + 1) * teg_power(r->v, j + 1), change[at] = 0.0;
@@ -367,8 +406,8 @@ typedef struct {
 static void teg_begin(teg_room *w, const teg_shape *shape, int64_t n, const double *rows)
 {
     teg_arrangement *const r = &w->r;
-    r->su = r->sv = r->nudge = r->u[0] = r->v[0] = 0.0;
-    r->touching = r->concurrent = r->guarded = r->undefined = r->failed = r->tied = r->ambiguous = r->alone = r->last = 0;
+    r->su = r->sv = r->nudge = r->parting = r->moving = r->u[0] = r->v[0] = 0.0;
+    r->touching = r->concurrent = r->guarded = r->undefined = r->failed = r->tied = r->ambiguous = r->alone = r->last = r->places = 0;
     r->base = -1, r->cell_count = r->line_count = r->region_count = r->used = 0;
     r->bound_room = r->pending_room = r->twin_count = r->twin_room = 0, r->bounds = 0;
     r->bound = NULL, r->twins = NULL, r->pending = NULL;
@@ -427,6 +466,64 @@ static void teg_no_slopes(const teg_shape *s, int64_t n, double *tables)
         if (s->order || (int)(k % (size_t)columns) < forms) tables[k] = NAN;
 }
 
+//: teg_tables
+/* Add values, sizes (or NULL) and tables (or NULL, else 0 before) of an arrangement that was begun. */
+static void teg_tables(teg_arrangement *r, const double *otherwise, double *values, double *sizes, double *tables)
+{
+    const teg_shape *const s = TEG_SHAPE(r->shape);
+    const size_t size = teg_table_size(s, r->n);
+    teg_tile(r, NULL, r->n * s->parts, 0, 0, otherwise, (double *const[]){values, sizes, tables});
+    if (tables && teg_is_moved_later(r)) teg_moved_tables(r, otherwise, tables);
+    for (size_t k = 0; tables && r->undefined && k < size; k++) tables[k] = NAN;
+    if (tables && r->ambiguous) teg_no_slopes(s, r->n, tables);
+}
+
+//: teg_move_numbers
+/* Numbers that are moved along the direction which follows them. */
+static void teg_move_numbers(const double *from, int count, double step, double *to)
+{
+    for (int j = 0; j < count; j++) to[j] = from[j] + step * from[count + j], to[count + j] = from[count + j];
+}
+
+//: teg_parted_tables
+/* Second derivatives in the tables of a square in which lines through one place part along the direction: the mean of both sides,
+   2 M(h) - M(2h). */
+static void teg_parted_tables(teg_arrangement *r, const double *otherwise, double *tables)
+{
+    const teg_shape *const s = TEG_SHAPE(r->shape);
+    const size_t size = teg_table_size(s, r->n), columns = (size_t)(teg_forms(s) + teg_coefficients(s));
+    const int row = teg_row(s), half = s->bodies * teg_coefficients(s);
+    const double *const rows = r->rows, step = r->parting < TEG_SLOW * r->moving ? NAN : TEG_PARTING / r->parting, factors[4] = {1.0, -1.0, 2.0, -2.0};
+    double *const moved = malloc(((size_t)r->n * (size_t)row + 2 * (size_t)half + 3 * size) * sizeof *moved);
+    double *const rest = moved + (size_t)r->n * (size_t)row, *const found = rest + 2 * half, *const near = found + size, *const far = near + size;
+    if (!moved) {
+        r->failed = 1;
+        return;
+    }
+    for (size_t k = 0; k < 2 * size; k++) near[k] = 0.0;
+    for (int side = 0; side < 4 && !r->failed; side++) {
+        double *const to = side < 2 ? near : far;
+        for (int64_t k = 0; k < r->n; k++) teg_move_numbers(rows + k * row, row / 2, factors[side] * step, moved + k * row);
+        teg_move_numbers(otherwise, half, factors[side] * step, rest);
+        for (size_t k = 0; k < size; k++) found[k] = 0.0;
+        r->rows = moved, r->su = r->sv = r->nudge = 0.0;
+        r->touching = r->concurrent = r->undefined = r->ambiguous = r->places = 0;
+        teg_tables(r, rest, NULL, NULL, found);
+        for (size_t k = 0; k < size; k++) to[k] += 0.5 * found[k];
+    }
+    for (size_t first = 0; first < size; first += size / (size_t)s->bodies) {
+        const size_t last = first + size / (size_t)s->bodies;
+        double most = 0.0;
+        for (size_t k = first; k < last; k++)
+            if (k / columns % 2 == 0 && isfinite(near[k])) most = teg_most_of(most, fabs(near[k]));
+        for (size_t k = first; k < last; k++)
+            if (k / columns % 2 == 0 && !isnan(tables[k]))
+                tables[k] = fabs(near[k] - far[k]) <= TEG_LIMIT * most ? 2.0 * near[k] - far[k] : NAN;
+    }
+    r->rows = rows;
+    free(moved);
+}
+
 //: teg_cells
 /* Values, sizes (or NULL) and tables (or NULL) of n candidates. Returns 1 without memory, else 0. */
 static int teg_cells(
@@ -452,14 +549,12 @@ static int teg_cells(
     }
     if (!r->failed) {
         for (size_t k = 0; tables && k < size; k++) tables[k] = 0.0;
-        teg_tile(r, NULL, n * s->parts, 0, 0, otherwise, (double *const[]){values, sizes, tables});
-        if (tables && teg_is_moved_later(r)) teg_moved_tables(r, otherwise, tables);
-        for (size_t k = 0; tables && r->undefined && k < size; k++) tables[k] = NAN;
-        if (tables && r->ambiguous) teg_no_slopes(s, n, tables);
+        teg_tables(r, otherwise, values, sizes, tables);
         for (int body = 0; body < s->bodies; body++) {
             if (r->undefined) values[body] = NAN;
             else if (s->order) values[body] = teg_along_direction(r, body, otherwise, tables + (size_t)body * size / (size_t)s->bodies);
         }
+        if (s->order && r->parting > TEG_PARTED * r->moving && !own && !r->undefined && !r->failed) teg_parted_tables(r, otherwise, tables);
     }
     free(own);
     teg_end(r);

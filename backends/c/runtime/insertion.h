@@ -110,6 +110,9 @@ static void teg_clip_cell(teg_arrangement *r, size_t number, const teg_region *r
             r->d[i] = fabs(d) < TEG_ON_LINE ? 0.0 : d;
             above += r->d[i] > 0.0, below += r->d[i] < 0.0;
         }
+        if (TEG_SHAPE(r->shape)->order && above + below < n)
+            for (int i = 0; i < n; i++)
+                if (r->d[i] == 0.0) teg_note_place(r, x[i], y[i]);
         if (!above || !below) {
             if (n - above - below > 1) teg_touch(r, region, n, x, y, label, 0.0);
             if (above) continue;
@@ -232,6 +235,9 @@ static void teg_insert_in_cell(teg_arrangement *r, const teg_region *region, siz
                 const double d = r->d[i] = g[0] + g[1] * r->x[at + i] + g[2] * r->y[at + i];
                 above |= d > tolerance, below |= d < -tolerance, equal |= fabs(d) <= tolerance;
             }
+        if (TEG_SHAPE(r->shape)->order && r->guarded && equal)
+            for (int i = 0; i < n; i++)
+                if (fabs(r->d[i]) <= tolerance) teg_note_place(r, r->x[at + i], r->y[at + i]);
         if (TEG_SHAPE(r->shape)->order && !r->guarded && equal && (above || below)) teg_note_concurrent(r, owner, at, n, tolerance);
         if (above != below && equal) teg_touch(r, region, n, r->x + at, r->y + at, r->label + at, tolerance);
         if (!above && (below || region->region > owner)) return;

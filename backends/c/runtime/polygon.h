@@ -300,6 +300,7 @@ static inline int teg_ties(teg_context *ctx, teg_interval_cut *cut, double first
 {
     if (!(fabs(first) <= TEG_TIE_EPS * scale && fabs(last) <= TEG_TIE_EPS * scale)) return 0;
     ctx->tied = 1;
+    if (ctx->order > 1 || ctx->order < -1) holds = 1;
     cut->outside |= ctx->order > 0 ? !holds : holds;
     return 1;
 }

@@ -47,7 +47,7 @@ class Emitter:
     ) -> None:
         self.integrate, self.closed_form = integrate, closed_form
         self.parameter_names = {p: f"p{i}" for i, p in enumerate(parameters)}
-        self.ties: dict[tuple[str, str], int] = {}
+        self.ties: dict[tuple[tuple[str, str], bool], int] = {}
         self.functions: dict[tuple[Callee, tuple[int, ...]], int] = {}
         self.rounding = Rounding(self)
         self._count = 0
@@ -62,6 +62,10 @@ class Emitter:
         """Returns an unused name: "v…" for a number, "b…" for a boolean, "x…" for a variable."""
         self._count += 1
         return f"{kind}{self._count}"
+
+    def number_of_tie(self, surfaces: tuple[str, str], at_place: bool = False) -> int:
+        """Returns the number of a tie of two surfaces, at one place or along a curve."""
+        return self.ties.setdefault((surfaces, at_place), len(self.ties))
 
     def binders(self, nodes: Sequence[Node]) -> frozenset[Var]:
         """Returns the variables of the integrals inside."""

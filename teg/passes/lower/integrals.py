@@ -110,7 +110,7 @@ class _Integrals:
         self.plan(top, outputs)
         names = tuple(self.out.number(e, top) for e in outputs)
         functions = tuple(Called(*f) for f in self.out.functions)
-        return without_dead_code(Program(self.parameters, tuple(top.block), names, tuple(Tie(t) for t in self.out.ties), functions))
+        return without_dead_code(Program(self.parameters, tuple(top.block), names, tuple(Tie(*t) for t in self.out.ties), functions))
 
     def plan(self, level: Level, roots: Sequence[Expr]) -> None:
         """Finds the integrals of this level, their guards, and the groups that share a loop."""

@@ -43,7 +43,7 @@ class Rounding:
             g, scale = self._clearest(c.g, g, scale, home)
         if c in home.coincident:
             scale = self.out.assign(home, "select", home.coincident[c], scale, 0.0)
-        k = self.out.ties.setdefault(cast("tuple[str, str]", c.rivals), len(self.out.ties))
+        k = self.out.number_of_tie(cast("tuple[str, str]", c.rivals), at_place=home.var is None)
         holds = self.out.assign(home, "tie", g, scale, holds_first, k)
         fails = self.out.assign(home, "not", holds)
         ok = self.out.assign(home, "ok", g)

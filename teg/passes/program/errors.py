@@ -76,7 +76,7 @@ class _Estimator:
         errors = [self.sum_of((self.error(o), self._rounding(o, roundings, ends)), ends) for o in self.program.outputs]
         body, outputs = (*body, *ends), (*self.program.outputs, *errors)
         functions = tuple(Called(*f) for f in self._functions)
-        return without_dead_code(Program(self.program.parameters, body, outputs, self.program.ties, functions))
+        return without_dead_code(replace(self.program, body=body, outputs=outputs, functions=functions))
 
     def _rounding(self, output: Arg, roundings: float, out: list[Stmt]) -> Arg:
         """Returns a few roundings of a value that is computed outside of all integrals."""

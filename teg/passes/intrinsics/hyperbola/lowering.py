@@ -86,7 +86,7 @@ class HyperbolaLowering(Lowering):
         scales: tuple[Arg, ...] = ()
         if together.borders:  # a region does not change where its border does
             scales = tuple(self.out.rounding.tie_scale(e, home) for e in corners)
-            ties = tuple(self.out.ties.setdefault(pair, len(self.out.ties)) for pair in together.borders[0].rivals)
+            ties = tuple(self.out.number_of_tie(pair) for pair in together.borders[0].rivals)
         exact = expanded(sub(mul(corners[0], corners[2]), mul(corners[1], corners[3])), 2)
         turn = self.out.number(exact, home) if exact is not None and _keeps_digits(exact) else math.nan
         home.block.append(Hyperbola(values, (), scales, ties, tuple(moments), tuple(names), turn=turn))

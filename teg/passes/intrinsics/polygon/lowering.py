@@ -113,7 +113,7 @@ class PolygonLowering(Lowering):
         scale = self._largest([out.rounding.tie_scale(end, home) for end in ends], home)
         g, scale = (only(when, only(near, n, otherwise), otherwise) for n, otherwise in ((most, 1.0), (scale, 0.0)))
         first = out.truths(negation(atom.resolution) if half.negated else atom.resolution, home)[0]
-        k = out.ties.setdefault(cast("tuple[str, str]", atom.rivals), len(out.ties))
+        k = out.number_of_tie(cast("tuple[str, str]", atom.rivals))
         holds = out.assign(home, "tie", g, scale, first, k)
         ties = out.assign(home, "ge0", out.assign(home, "sub", out.assign(home, "mul", TIE_EPS, scale), g))
         side = out.assign(home, "select", holds, 1.0, -1.0)
@@ -206,7 +206,7 @@ class PolygonLowering(Lowering):
         if atom.resolution is None:
             return HalfLine(first, last, half.closed)
         holds = self.out.truths(negation(atom.resolution) if half.negated else atom.resolution, home)[0]
-        k = self.out.ties.setdefault(cast("tuple[str, str]", atom.rivals), len(self.out.ties))
+        k = self.out.number_of_tie(cast("tuple[str, str]", atom.rivals))
         scales = [self.out.rounding.tie_scale(cast(Expr, substitute(atom.g, {x: end})), home) for end in bounds]
         return HalfLine(first, last, half.closed, k, holds, self._size_of_terms(atom.g, x, bounds, home), self._larger(scales, home))
 
