@@ -5,9 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from teg.ir.expr import ONE, TRUE, ZERO, Add, And, Call, Const, Expr, Mul, Tuple, Var, Where
-from teg.ir.node import Node, union
+from teg.ir.expr import ONE, TRUE, ZERO, Add, And, Call, Compare, Const, Expr, Mul, Tuple, Var, Where
+from teg.ir.node import Node, postorder, union
 from teg.ir.simplify import conjunction, mul, nonzero_part, sub, tuple_of, where
+
+PARTIAL = frozenset(("asin", "acos", "log", "log1p", "sqrt", "pow", "erfinv", "erfcinv"))
+"""Functions that are not defined for all numbers."""
 
 
 class Integral(Expr):
@@ -140,16 +143,28 @@ def delta(g: Expr) -> Expr:
     return Delta.make(None, (g,))
 
 
+def _asks_partial_functions(e: Node) -> bool:
+    """Returns whether conditions of an expression ask a function of variables that is not defined everywhere."""
+    asked = postorder([n for n in postorder([e]) if isinstance(n, Compare) and n.free])
+    return any(isinstance(n, Call) and n.name in PARTIAL and n.children[0].free for n in asked)
+
+
 def scaled_integral(body: Expr, var: Var, lo: Expr, hi: Expr) -> Expr:
-    """Returns ∫ₗʰ body dx with the factors and conditions that are free of x in front; ∫ₗʰ dx is h - l."""
+    """Returns ∫ₗʰ body dx with the factors and conditions that are free of x in front; ∫ₗʰ dx is h - l.
+
+    A condition on a function that may be no number, asin(y/r) < t, stays beside others, x² + y² < r², which may not hold there.
+    """
     condition, value = nonzero_part(body)
     parts = condition.children if isinstance(condition, And) else (condition,)
     outer = [c for c in parts if var not in c.free]
+    is_guarded = len(outer) < len(parts)
+    if is_guarded:
+        outer = [c for c in outer if not _asks_partial_functions(c)]
     if condition is not TRUE and outer:
-        body = where(conjunction(*(c for c in parts if var in c.free)), value, ZERO)
+        body = where(conjunction(*(c for c in parts if c not in outer)), value, ZERO)
     factors = body.children if isinstance(body, Mul) else (body,)
-    outside = [f for f in factors if var not in f.free and not f.has_delta]
-    inside = [f for f in factors if var in f.free or f.has_delta]
+    outside = [f for f in factors if var not in f.free and not f.has_delta and not (is_guarded and _asks_partial_functions(f))]
+    inside = [f for f in factors if f not in outside]
     integrand = mul(*inside)
     result = mul(*outside, sub(hi, lo) if integrand is ONE else integral_over(integrand, var, lo, hi))
     return where(conjunction(*outer), result, ZERO)

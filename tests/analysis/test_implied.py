@@ -49,7 +49,7 @@ def test_a_root_on_its_square(factor: teg.Expr | float) -> None:
     size = 0.7 if isinstance(factor, float) else 0.7 / 1.3
     radius = math.sqrt(1.0 - size * size)
     point = {x: radius * np.cos(turn), y: radius * np.sin(turn), c: 1.3}
-    point[t] = 2 * point[x] + point[y] + 0.5 * 0.7 * np.where(turn > 3.0, 1.0, -1.0) * (1.0 if isinstance(factor, float) else size / 0.7 * 1.3)
+    point[t] = 2 * point[x] + point[y] + 0.35 * np.where(turn > 3.0, 1.0, -1.0)
     before, after, zero = values_of([e, new, norm], point)
     assert np.abs(zero).max() < 1e-12
     assert after == pytest.approx(before, abs=1e-12)

@@ -52,7 +52,7 @@ def test_shaded_sphere(backend: str) -> None:
 @pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("level", [0.3, 0.0, -0.4, 0.9])
 def test_light_above_a_level(backend: str, level: float) -> None:
-    f = teg.compile(over_square(W(a > R2, B(SHADE > t), 0)), [a, t], backend=backend)
+    f = teg.compile(over_square(W(a > R2, B(t < SHADE), 0)), [a, t], backend=backend)
     radius = math.sqrt(0.5)
     value, gradient = f.value_and_grad(a=0.5, t=level * STRENGTH * radius)
     rate = 0.5 * cap_rate(level, math.acos(LIGHT[2] / STRENGTH)) / (STRENGTH * radius)
@@ -102,13 +102,13 @@ def test_one_sphere_before_the_other(backend: str, lift: float) -> None:
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_height_beside_a_circle_written_in_another_way(backend: str) -> None:
     """½ of a ball cut at x = b: what is lost with b is half of a disk. The root is written otherwise than the condition around it."""
-    half = W((R2 < a) & (x > b), teg.sqrt(a - x * x - y * y), 0)
+    half = W((a > R2) & (x > b), teg.sqrt(a - x * x - y * y), 0)
     gradient = teg.compile(over_square(half), [a, b], backend=backend).grad(a=0.5, b=0.2)
     assert gradient["b"] == pytest.approx(-0.5 * math.pi * (0.5 - 0.04), abs=1e-11)
     depth = math.sqrt(0.5) - 0.2
     # the ball's cap has the volume π·h²·(3r - h)/3; of the half above the plane, by r² = a
     assert gradient["a"] == pytest.approx(0.5 * math.pi * depth * 2.0 * math.sqrt(0.5) / (2.0 * math.sqrt(0.5)), abs=1e-10)
-    beside = W((x - b) ** 2 + y * y < 0.1, 1, W(R2 < a, teg.sqrt(a - x * x - y * y), 0))
+    beside = W((x - b) ** 2 + y * y < 0.1, 1, W(a > R2, teg.sqrt(a - x * x - y * y), 0))
     f = teg.compile(over_square(beside), [a, b], backend=backend)
     gradient = f.grad(a=0.5, b=0.5)
     for name, h in (("a", 1e-3), ("b", 1e-3)):
@@ -118,7 +118,7 @@ def test_height_beside_a_circle_written_in_another_way(backend: str) -> None:
 
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_pyramid_with_a_power(backend: str) -> None:
-    """∫ max(0, 1 - |x|/a - |y|/b)ᵗ = 4ab/((t + 1)(t + 2)): on its border the power is 0 where conditions say so, and its base to rounding."""
+    """∫ max(0, 1 - |x|/a - |y|/b)ᵗ = 4ab/((t + 1)(t + 2)): on its border the base is 0 to rounding."""
     pyramid = teg.maximum(0, 1 - abs(x) / a - abs(y) / b) ** t
     value, gradient = teg.compile(over_square(pyramid), [a, b, t], backend=backend).value_and_grad(a=0.5, b=0.7, t=1.5)
     assert value == pytest.approx(0.16, abs=1e-10)
@@ -142,3 +142,13 @@ def test_logarithm_of_a_line_with_a_kink(backend: str) -> None:
     value, gradient = teg.compile(teg.integral(barrier, (x, -1, 1)), [a, t], backend=backend).value_and_grad(a=0.1, t=0.5)
     assert value == pytest.approx(math.log(0.5) - 1.0, abs=1e-11)
     assert gradient == pytest.approx({"a": 0.0, "t": 2.0 * math.log(0.5)}, abs=1e-9)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_latitude(backend: str) -> None:
+    """asin(y/√a) < t on a disk: beyond the disk asin is no number, and the condition does not count there."""
+    south = W(a > R2, B(teg.asin(y / teg.sqrt(a)) < t), 0)
+    value, gradient = teg.compile(over_square(south), [a, t], backend=backend).value_and_grad(a=0.5, t=0.3)
+    area = 0.5 * math.pi + 0.3 + math.sin(0.3) * math.cos(0.3)
+    assert value == pytest.approx(0.5 * area, abs=1e-11)
+    assert gradient == pytest.approx({"a": area, "t": 2.0 * 0.5 * math.cos(0.3) ** 2}, abs=1e-10)
