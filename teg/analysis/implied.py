@@ -15,31 +15,11 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple, cast
 
 from teg.analysis.polynomial import Point
-from teg.ir.expr import (
-    FALSE,
-    MINUS_ONE,
-    ONE,
-    TRUE,
-    ZERO,
-    Add,
-    And,
-    Call,
-    Compare,
-    Cond,
-    Const,
-    Expr,
-    Mul,
-    Not,
-    Or,
-    Param,
-    Pow,
-    Where,
-    const,
-)
+from teg.ir.expr import FALSE, MINUS_ONE, ONE, TRUE, Add, Call, Compare, Cond, Const, Expr, Mul, Pow, const
 from teg.ir.node import Node, postorder
-from teg.ir.simplify import add, call, div, mul, negation, nonzero_part, where
+from teg.ir.simplify import add, call, div, mul, negation
 from teg.ir.traverse import rewrite
-from teg.numerics.field import P, divided, residue, sign_of_residue
+from teg.numerics.field import divided, sign_of_residue
 
 
 class Square(NamedTuple):
@@ -53,67 +33,15 @@ class Square(NamedTuple):
 
 def decided_on(e: Expr, surface: Expr) -> Expr:
     """Returns an expression that is equal on a surface, almost everywhere, without the conditions that are decided there by their form."""
-    atoms = _atoms(e, surface)
+    atoms = [
+        n for n in postorder([e]) if isinstance(n, Compare) and n.resolution is None and n.g is not surface and n.g.free & surface.free
+    ]
     decisions = _Decisions(surface, atoms)
     new: dict[Node, Node] = {a: c for a in atoms if (c := decisions.of(a)) is not None}
     if new:
         roots = [n for n in postorder([e]) if isinstance(n, Call) and n.name == "sqrt" and n.free]
         new |= {r: known for r in roots if (known := decisions.root(r)) is not None}
     return cast(Expr, rewrite([e], lambda old, node: new.get(old, node))[e]) if new else e
-
-
-def alike_on(e: Expr, surface: Expr) -> Expr:
-    """Returns an expression that is equal on a surface, with conditions that are proportional to each other there as one: on x + y = t
-    these are x - y > t and y < 0, on v = 0 u + v > 0 and u > 0.
-
-    Of a function its multiple of the surface is subtracted that makes it 0 at one point. What is left of functions that are alike on the
-    surface is proportional at others.
-    """
-    atoms = _atoms(e, surface)
-    if len(atoms) < 2:
-        return e
-    parameters = {n: residue("parameter", n.name) for n in postorder([e, surface]) if isinstance(n, Param)}
-    points = [Point(f"on a surface {i}", parameters) for i in range(4)]
-    own = [p.value(surface) for p in points]
-    known: dict[tuple[int, ...], tuple[Compare, int]] = {}
-    new: dict[Node, Cond] = {}
-    for atom in atoms:
-        values = [p.value(atom.g) for p in points]
-        if not (all(own) and all(values)):
-            continue
-        share = divided(cast(int, values[0]), cast(int, own[0]))
-        lead, *rest = [(cast(int, v) - share * cast(int, g)) % P for v, g in zip(values[1:], own[1:], strict=True)]
-        if lead:
-            first, scale = known.setdefault(tuple(divided(r, lead) for r in rest), (atom, lead))
-            sign = sign_of_residue(divided(lead, scale))
-            if first is not atom and sign is not None:
-                new[atom] = first if sign > 0 else negation(first)
-    return cast(Expr, rewrite([e], lambda old, node: new.get(old, node))[e]) if new else e
-
-
-def _atoms(e: Expr, surface: Expr) -> list[Compare]:
-    """Returns the conditions of an expression that may be decided on a surface."""
-    return [n for n in postorder([e]) if isinstance(n, Compare) and n.resolution is None and n.g is not surface and n.g.free & surface.free]
-
-
-def with_known_conditions(e: Expr) -> Expr:
-    """Returns an expression that is equal, without the conditions in products of conditions and values that such a product knows."""
-
-    def visit(_: Node, node: Node) -> Node:
-        if not isinstance(node, Where):
-            return node
-        condition, value = nonzero_part(node)
-        if value is node:
-            return node
-        parts = condition.children if isinstance(condition, And) else (condition,)
-        if isinstance(condition, Not) and isinstance(condition.operand, Or):
-            parts = tuple(negation(c) for c in condition.operand.children)
-        known = {c.operand.g: FALSE for c in parts if isinstance(c, Not) and isinstance(c.operand, Compare)}
-        known |= {c.g: TRUE for c in parts if isinstance(c, Compare)}
-        inside = rewrite([value], lambda _, n: known.get(n.g, n) if isinstance(n, Compare) and n.resolution is None else n)
-        return where(condition, cast(Expr, inside[value]), ZERO)
-
-    return cast(Expr, rewrite([e], visit)[e])
 
 
 def factors_beside_squares(g: Expr) -> list[Expr]:

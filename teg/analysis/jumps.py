@@ -17,11 +17,11 @@ from typing import Any, cast
 
 from teg.analysis.calculus import factor_cofactors
 from teg.analysis.coincidence import ZeroSet
-from teg.analysis.implied import alike_on, decided_on, with_known_conditions
+from teg.analysis.implied import decided_on
 from teg.analysis.kinks import Extremes
 from teg.analysis.limits import Poles
 from teg.analysis.polynomial import Point
-from teg.analysis.singularities import fades_at, fades_where
+from teg.analysis.singularities import fades_at
 from teg.ir import expr as ex
 from teg.ir import simplify
 from teg.ir.expr import FALSE, TRUE, ZERO, Add, And, Call, Compare, Cond, Const, Expr, Mul, Not, Or, Pow, Tuple, Where
@@ -206,36 +206,21 @@ def surface_terms(body: Expr, surfaces: list[Expr]) -> list[tuple[Expr, Expr]]:
     terms = []
     for g in surfaces:
         j = decided_on(Poles(g).without_decaying(jump(body, g)), g)
-        if j is not ZERO and alike_on(j, g) is not ZERO and not vanishes_on(j, g) and not fades_at(j, g):
+        if j is not ZERO and not vanishes_on(j, g) and not fades_at(j, g):
             terms.append((g, _at_edges(j, g)))
     return terms
 
 
 def _at_edges(e: Expr, surface: Expr) -> Expr:
     """Returns an expression that is equal on a surface, with 0 for its roots, powers, and products with logarithms that tend to 0 there:
-    where a root of the surface is found to rounding, they may be no numbers. Some do so only in what their conditions leave of a surface:
-    √(t - |x| - y) at x + y = t, where t + x - y > 0."""
-    faded, rest = _faded(e, surface)
-    if rest:
-        known = with_known_conditions(alike_on(e, surface))
-        other, fewer = _faded(known, surface)
-        return other if fewer < rest else faded
-    return faded
-
-
-def _faded(e: Expr, surface: Expr) -> tuple[Expr, int]:
-    """Returns an expression with 0 for its parts that tend to 0 at a surface, and how many that may do so are left."""
+    where a root of the surface is found to rounding, they may be no numbers."""
     order = postorder([e])
     may_fade = [
         n for n in order if _is_root(n) or (isinstance(n, Mul) and any(isinstance(f, Call) and f.name == "log" for f in n.children))
     ]
     divisors = set(postorder([n for n in order if isinstance(n, Pow) and n.exponent < 0])) if may_fade else set()
-    inside = [n for n in may_fade if n not in divisors]
-    zeros = {n: c for n in inside if (c := fades_where(cast(Expr, n), surface)) is not FALSE}
-    if not zeros:
-        return e, len(inside)
-    faded = rewrite([e], lambda old, new: where(zeros[old], ZERO, cast(Expr, new)) if old in zeros else new)
-    return cast(Expr, faded[e]), len(inside) - len(zeros)
+    zeros = {n for n in may_fade if n not in divisors and fades_at(cast(Expr, n), surface)}
+    return cast(Expr, rewrite([e], lambda old, new: ZERO if old in zeros else new)[e]) if zeros else e
 
 
 def _is_root(n: Node) -> bool:

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from typing import cast
-
 from teg.analysis.polynomial import Point
-from teg.ir.expr import MINUS_ONE, Expr
-from teg.ir.simplify import mul
-from teg.numerics.field import P, divided, sign_of_residue
+from teg.ir.expr import Expr
+from teg.numerics.field import divided, sign_of_residue
 
 
 class Proportional:
@@ -29,14 +26,3 @@ class Proportional:
                 if sign is not None:
                     return known, sign > 0
         return g, True
-
-    def equal(self, g: Expr) -> Expr:
-        """Returns a function met before that is equal to g or -g, times 1 or -1; g if there is none."""
-        first, second = (p.value(g) for p in self.points)
-        known = self._known.get(divided(second, first), g) if first and second else g
-        if known is g or known.free != g.free:
-            return g
-        other = self.points[0].value(known)
-        if other == first:
-            return known
-        return mul(MINUS_ONE, known) if other == -cast(int, first) % P else g

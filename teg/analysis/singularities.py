@@ -31,29 +31,10 @@ from teg.analysis.extents import Extent, extent
 from teg.analysis.nest import Binder, Chain
 from teg.analysis.polynomial import Point, Shadow
 from teg.errors import NotDifferentiableError
-from teg.ir.expr import (
-    FALSE,
-    MINUS_ONE,
-    ONE,
-    TRUE,
-    ZERO,
-    Add,
-    Call,
-    Compare,
-    Cond,
-    Const,
-    Expr,
-    Mul,
-    Param,
-    Pow,
-    Var,
-    Where,
-    const,
-    is_infinite,
-)
+from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Call, Compare, Const, Expr, Mul, Param, Pow, Var, Where, const, is_infinite
 from teg.ir.integral import Integral
 from teg.ir.node import Node, postorder
-from teg.ir.simplify import add, call, conjunction, integer_power, mul, positive, sub
+from teg.ir.simplify import add, integer_power, mul, sub
 from teg.ir.traverse import rewrite, substitute
 from teg.numerics.field import divided
 
@@ -188,30 +169,8 @@ def fades_at(e: Expr, g: Expr) -> bool:
     """Returns whether an expression tends to 0 at the surface g = 0 like a non-integer power of g: √g, g log g."""
     if not any(is_singular(n) for n in postorder([e])):
         return False
-    return fades_where(e, g) is TRUE
-
-
-def fades_where(e: Expr, g: Expr) -> Cond:
-    """Returns the condition on exponents, as far as it is known, under which an expression tends to 0 at the surface g = 0."""
-    if not any(is_singular(n) for n in postorder([e])):
-        return FALSE
     keys = Keys()
-
-    def is_zero(u: Expr) -> bool:
-        return _is(u, keys.of(g), keys)
-
-    conditions: list[Cond] = []
-
-    def visit(old: Node, new: Node) -> Node:
-        if not (isinstance(new, Call) and new.name == "pow" and not isinstance(new.children[1], Const) and not new.children[1].free):
-            return new
-        if order_at(new.children[0], is_zero)[0] <= 0.0:
-            return new
-        conditions.append(positive(new.children[1]))
-        return call("pow", new.children[0], const(0.5))
-
-    known = cast(Expr, rewrite([e], visit)[e])
-    return conjunction(*conditions) if order_at(known, is_zero)[0] > 0.0 else FALSE
+    return order_at(e, lambda u: _is(u, keys.of(g), keys))[0] > 0.0
 
 
 # -- where ---------------------------------------------------------------------------------------------------------------

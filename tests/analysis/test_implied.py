@@ -9,7 +9,7 @@ import pytest
 
 import teg
 from teg.analysis.evaluate import values_of
-from teg.analysis.implied import alike_on, decided_on, factors_beside_squares, with_known_conditions
+from teg.analysis.implied import decided_on, factors_beside_squares
 from teg.ir.expr import Compare, Where, const
 from teg.ir.node import postorder
 
@@ -61,21 +61,13 @@ def test_the_other_one_of_two_roots() -> None:
     surface = 4 * c * c * U - (w - U - c * c) ** 2
     assert decided_on(B((U > 0) & (w > 0) & (x > 0)), surface) == B(x > 0)
     assert decided_on(B(surface > 0), w) == const(0.0)
-
-
-def test_alike_on_a_surface() -> None:
-    line = x + y - t
-    assert len(atoms(alike_on(B((x - y > t) & (y < 0)), line))) == 1
-    assert alike_on(B((x - y > t) & (y > 0)), line) == const(0.0)
-    assert len(atoms(alike_on(B((x > 0) & (y > 0)), line))) == 2
-    circle = U
-    assert alike_on(B(U + x > 0) - B(x > 0), circle) == const(0.0)
-    assert len(atoms(alike_on(B(U + t * x > 0) - B(x > 0), circle))) == 2  # the sign of t is not known
-
-
-def test_known_conditions() -> None:
-    e = teg.where((x > 0) & (y > 0), teg.where(x > 0, x, -x) + teg.where(y > t, 1, 2), 0)
-    assert with_known_conditions(e) == teg.where((x > 0) & (y > 0), x + teg.where(y > t, 1, 2), 0)
+    root = decided_on(teg.where(w > 0, teg.sqrt(w), 0), surface)
+    # at y = 0, t = 0.2, c = 0.3, √u - √w = ±c for x with (w - u - c²)² = 4c²u
+    places = np.roots(np.polyadd(np.polymul([0.4, 0.7 - 0.04 - 1.0 - 0.09], [0.4, 0.7 - 0.04 - 1.0 - 0.09]), [0.36, 0.0, -0.36]))
+    point = {x: places.real, y: 0.0, t: 0.2, c: 0.3}
+    expected, found, zero = values_of([teg.sqrt(w), root, surface], point)
+    assert np.abs(zero).max() < 1e-12
+    assert found == pytest.approx(expected, abs=1e-12)
 
 
 def test_factors_beside_squares() -> None:

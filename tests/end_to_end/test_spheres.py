@@ -152,3 +152,16 @@ def test_latitude(backend: str) -> None:
     area = 0.5 * math.pi + 0.3 + math.sin(0.3) * math.cos(0.3)
     assert value == pytest.approx(0.5 * area, abs=1e-11)
     assert gradient == pytest.approx({"a": area, "t": 2.0 * 0.5 * math.cos(0.3) ** 2}, abs=1e-10)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_height_between_circles(backend: str) -> None:
+    """Two parts of half a ball, inside and outside of another circle: together they are all of it. Where the circles cross, pieces are as
+    short as rounding makes them, and roots of their middles of either sign."""
+    inside, outside = (
+        teg.compile(over_square(W((a > R2) & condition, HEIGHT, 0)), [a, b], backend=backend) for condition in (SECOND > 0, SECOND < 0)
+    )
+    point = {"a": 0.4, "b": 0.3}
+    first, second = inside.grad(**point), outside.grad(**point)
+    assert first["b"] == pytest.approx(-second["b"], abs=1e-10)
+    assert first["a"] + second["a"] == pytest.approx(math.pi * math.sqrt(0.4), abs=1e-10)

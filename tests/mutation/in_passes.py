@@ -7,6 +7,7 @@ from tests.mutation.mutant import Mutant, mutants
 STEPS = "tests/passes/normalise/test_steps.py"
 GUARDED = "tests/passes/lower/test_guarded.py"
 QUADRATURE = "tests/numerics/test_quadrature.py"
+SPHERES = ("tests/end_to_end/test_spheres.py",)
 ADJOINTS = "tests/passes/intrinsics/test_adjoints.py"
 
 IN_PASSES: tuple[Mutant, ...] = (
@@ -141,6 +142,50 @@ IN_PASSES: tuple[Mutant, ...] = (
         ("parts outside of a range", "between(mul(const(0.5), add(p, q)), node.lo, node.hi)", "mul(const(0.5), add(p, q))"),
         ("poles of one product", "if len(poles) > MAX_POLES or", "if len(poles) > 1 or"),
         ("where an exponential ceases to decay", "if is_null(cast(Expr, substitute(rate", "if not is_null(cast(Expr, substitute(rate"),
+    ),
+    *mutants(
+        "teg/analysis/implied.py",
+        ("tests/analysis/test_implied.py",),
+        ("a square on its surface", "return FALSE if sign == square.sign else TRUE", "return TRUE if sign == square.sign else FALSE"),
+        ("a square on what it was made of", "return TRUE if square.sign > 0 else FALSE", "return FALSE if square.sign > 0 else TRUE"),
+        ("scale of a square", 'call("sqrt", div(square.scale, c))', 'call("sqrt", div(ONE, c))'),
+        ("the other root's square", "add(v, mul(const(0.5), c))", "add(v, mul(const(0.25), c))"),
+    ),
+    *mutants(
+        "teg/passes/normalise/radicals.py",
+        ("tests/passes/normalise/test_radicals.py",),
+        ("where a root ends", "return conjunction(ends, disjunction(", "return conjunction(disjunction("),
+        ("a root that is subtracted", "conjunction(negation(rising), less, above)", "conjunction(negation(rising), less)"),
+        ("a root that is added", "disjunction(more, above)", "more"),
+        ("square of the difference of roots", "add(difference, square), strict, TRUE", "sub(difference, square), strict, TRUE"),
+    ),
+    Mutant(
+        "sign of a root in a short piece",
+        "teg/passes/lower/emit.py",
+        '"mul", TIE_EPS, self.rounding.terms_size(u, middle)',
+        '"mul", 0.0, self.rounding.terms_size(u, middle)',
+        SPHERES,
+    ),
+    Mutant(
+        "conditions on functions that may be no numbers",
+        "teg/ir/integral.py",
+        "outer = [c for c in outer if not _asks_partial_functions(c)]",
+        "outer = [c for c in outer if c]",
+        SPHERES,
+    ),
+    Mutant(
+        "a curve that is a line",
+        "teg/passes/differentiate/missed_cuts.py",
+        "for c in factors_beside_squares(g):",
+        "for c in factors_beside_squares(g)[:0]:",
+        SPHERES,
+    ),
+    Mutant(
+        "kinks of an angle",
+        "teg/passes/normalise/cuts.py",
+        "_written_in_half_planes(node) if lines is None",
+        "None if lines is None",
+        SPHERES,
     ),
     *mutants(
         "teg/passes/normalise/cuts.py",

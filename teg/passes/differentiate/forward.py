@@ -23,7 +23,7 @@ Source: Bangaru et al. 2021, section 4; Leibniz' rule for the bounds; Flanders 1
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Container, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping
 from typing import Any, cast
 
 from teg.analysis.calculus import by_chain_rule, slope
@@ -224,8 +224,7 @@ class Transport:
     def _parts(self, weight: Expr, chain: Chain) -> list[tuple[Expr, list[Surface]]]:
         """Returns summands of an integrand, and branches of it, with the surfaces of each.
 
-        Summands with the same surfaces stay together, and so does an integrand of which a part may diverge alone, and a sum that is 0 on a
-        surface where its summands jump (a shading that is 0 where light turns to shadow): apart, each would have a δ on it.
+        Summands with the same surfaces stay together, and so does an integrand of which a part may diverge alone.
         """
         parts: list[tuple[Expr, list[Surface]]] = []
         stack: list[tuple[Cond, Expr]] = [(ex.TRUE, weight)]
@@ -240,7 +239,7 @@ class Transport:
             groups: dict[frozenset[object], list[Expr]] = {}
             for c, inside in zip(pieces, surfaces_of, strict=True):
                 groups.setdefault(frozenset(self._keys.of(s.g) for s in inside or ()), []).append(c)
-            if len(groups) < 2 or (isinstance(e, Add) and _has_kink(whole, condition, surfaces)):
+            if len(groups) < 2:
                 parts.append((whole, surfaces))
             elif isinstance(e, Where):
                 stack.append((conjunction(condition, negation(e.condition)), e.otherwise))
@@ -248,12 +247,6 @@ class Transport:
             else:
                 stack.extend((condition, add(*members)) for members in groups.values())
         return [(e, surfaces) for e, surfaces in parts if e is not ZERO]
-
-
-def _has_kink(whole: Expr, condition: Cond, carried: Sequence[Surface]) -> bool:
-    """Returns whether an integrand is 0 on a surface of its condition that is not carried along."""
-    others = [h for h in open_surfaces(condition) if all(h is not s.g for s in carried)]
-    return len(surface_terms(whole, others)) < len(others)
 
 
 def _integrands(node: Integral, sharp: Container[Node]) -> list[tuple[Chain, Expr]]:

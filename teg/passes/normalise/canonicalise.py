@@ -8,8 +8,7 @@
    A surface is written without an increasing function or an odd power in front of both sides, and a quadratic one that is two lines as
    these (`teg.analysis.coincidence`).
 3. A surface proportional to an earlier one by a number, or by denominators without variables, becomes that one; sign and strictness are
-   adjusted. What is under a root or in a logarithm is written like the surface that it is, so that it has the sign of a condition
-   to the last digit.
+   adjusted.
 4. An atom that a bound decides (x < t on (0, t)) is replaced by its value at the other bound.
 5. An integral of a polynomial that a condition depends on is written out: [∫₀ˣ(1 - u/p)du > 0] is a condition on x - x²/(2p).
 6. ∫ΣFᵢ = Σ∫Fᵢ if the terms have different atoms, and factors free of x leave ∫ dx.
@@ -38,7 +37,7 @@ from teg.ir import simplify
 from teg.ir.expr import FALSE, MINUS_ONE, TRUE, Add, Call, Compare, Cond, Const, Expr, Mul, Param, Pow, Var, Where, const
 from teg.ir.integral import Delta, Integral, delta, scaled_integral
 from teg.ir.node import Node, postorder, union
-from teg.ir.simplify import add, call, conjunction, disjunction, mul, negation, positive
+from teg.ir.simplify import add, conjunction, disjunction, mul, negation, positive
 from teg.ir.traverse import rebuild, remake, rename_apart, replace_node, rewrite, substitute
 from teg.numerics.field import divided, sign_of_residue
 from teg.passes.normalise.denominators import cleared, cleared_delta, has_variable_denominator, tangents_as_quotients
@@ -93,8 +92,6 @@ class Canonical:
             elif isinstance(result, Call) and result.name == "atan2" and result.children[1] is ex.ZERO and result.free:
                 above = self._atom(result.children[0], True, MAX_HOISTED)  # on the cut of another one (`cuts.py`) it jumps
                 result = simplify.where(above, const(0.5 * math.pi), const(-0.5 * math.pi))
-            elif isinstance(result, Call) and is_singular(result) and isinstance(result.children[0], Add):
-                result = call(result.name, self._surfaces.equal(result.children[0]), *result.children[1:])
             elif isinstance(result, Integral):
                 result = self._integral(result)
             elif isinstance(result, Mul):
