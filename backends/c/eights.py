@@ -29,11 +29,12 @@ ADDED = AddTo | Scatter
 
 
 class Squares(NamedTuple):
-    """A loop with cells: its steps before and behind them without loops, the cells, the weighted sum of their tables, and what adds its
-    derivatives."""
+    """A loop with cells: its steps before and behind them without loops, those `before` them, the cells, the weighted sum of their tables,
+    and what adds its derivatives."""
 
     loop: Loop
     flat: tuple[Step, ...]
+    before: tuple[Step, ...]
     cells: Cells
     combined: Combined | None
     seen: tuple[SeenLoop, ...]
@@ -59,7 +60,8 @@ def match_squares(loop: Loop, routines: Mapping[int, Routine]) -> Squares | None
         return None
     runs = [s for block in (flat, own.body, *(s.body for s in seen)) for s in block if isinstance(s, Run)]
     simple = all(id(s) in routines and _is_simple(routines[id(s)]) and not has_ties(s.program.body) for s in runs)
-    return Squares(loop, flat, own, combined[0] if combined else None, seen) if simple else None
+    before = tuple(s for s in loop.body[: loop.body.index(own)] if isinstance(s, FLAT))
+    return Squares(loop, flat, before, own, combined[0] if combined else None, seen) if simple else None
 
 
 def _is_simple(routine: Routine) -> bool:
@@ -129,6 +131,7 @@ class SideBySide:
             computed[:0] = [f"teg_pull_eight(&{self.shape}, which + 1, rows, &eight, weights, table);"]
         computed[:0] = [f"teg_keep_eight(&{self.shape}, which + 1, rows, &eight, values);", *self._flat_programs()]
         computed[:0] = self._rows()
+        computed[:0] = self._programs_before()
         computed[:0] = self._gathered()
         kinds = {kind: [place for place in self.declared.values() if place.startswith(kind[0])] for kind in ("int64_t", "v")}
         tables = f"double rows[{2 * wide}][{SIDE}], values[{bodies}][{SIDE}]"
@@ -150,10 +153,21 @@ class SideBySide:
             "continue;",
         ]
 
+    def _programs_before(self) -> list[str]:
+        """Returns lines that run the flat programs of eight iterations on which their cells depend."""
+        runs = [s for s in self.squares.before if isinstance(s, Run)]
+        made = {name for s in runs for name in result_names(s)}
+        body = [
+            *self._named([a for s in runs for a in operands(s)], made),
+            *self.block(runs),
+            *packed(f"{self._lane(name)} = {name};" if name in self.declared else f"(void){name};" for name in sorted(made)),
+        ]
+        return [f"for (int k = 0; k < {SIDE}; k++) {{", *indent(*body), "}"] if runs else []
+
     def _flat_programs(self) -> list[str]:
-        """Returns lines that run the flat programs of eight iterations, when their cells are known."""
+        """Returns lines that run the other flat programs of eight iterations, when their cells are known."""
         cells, combined = self.squares.cells, self.squares.combined
-        runs = [s for s in self.squares.flat if isinstance(s, Run)]
+        runs = [s for s in self.squares.flat[len(self.squares.before) :] if isinstance(s, Run)]
         weights: list[Arg] = []
         if combined:
             by_table = dict(zip(combined.of, combined.weights, strict=True))

@@ -66,3 +66,40 @@ def test_the_text_has_them() -> None:
     text = teg.compile(*loss(), backend="c").source
     assert "teg_keep_eight(" in text
     assert "teg_pull_eight(" in text
+
+
+x, y = teg.vars("x y")
+A, K, W = teg.array("A"), teg.array("K"), teg.array("W")
+RANGES, LIST = teg.indices("R", 2), teg.indices("L")
+p, k = teg.index("p"), teg.index("k")
+TILES = 6
+SITE = LIST[k]
+LINE, DISTANCE = K[SITE] * x + W[SITE], (x - A[SITE]) ** 2 + (y - K[SITE]) ** 2 - W[SITE]
+VALUES = {
+    "a constant": (A[SITE], LINE),
+    "places beside numbers of candidates": (A[SITE] * x + y, LINE),
+    "a product of squares": (A[SITE] * x * x * y * y, LINE),
+    "powers": (DISTANCE, DISTANCE),
+    "numbers by powers": (A[SITE], DISTANCE),
+}
+
+
+@pytest.mark.parametrize("name", VALUES)
+@pytest.mark.parametrize("by", ["W", "AKW"])
+@pytest.mark.parametrize("listed", [[0], [0, 1], [1, 0], [2], [0, 1, 2]])
+def test_programs_before_and_behind_the_cells(name: str, by: str, listed: list[int]) -> None:
+    """What is not differentiated is computed once for each tile, before its cells, and the density behind them."""
+    value, key = VALUES[name]
+    row, column = p // TILES, p % TILES
+    box = (x, column / TILES, (column + 1) / TILES), (y, row / TILES, (row + 1) / TILES)
+    nearest = teg.nearest(value, key, (k, RANGES[p, 0], RANGES[p, 1]))
+    total = teg.sum(teg.integral(nearest * (1 + x * y), *box), (p, 0, TILES * TILES))
+    ends = np.cumsum([len(listed)] * TILES * TILES)
+    given = {"A": [0.3, 0.9, -0.4], "K": [0.2, 0.7, 0.5], "W": [0.1, -0.2, 0.05]}
+    given |= {"R": np.stack([ends - len(listed), ends], axis=1), "L": np.array(listed * TILES * TILES)}
+    arrays = [array for array in (A, K, W) if array.name in by]
+    compiled = [teg.compile(total, arrays, backend=backend) for backend in ("c", "numpy")]
+    (v, g), (expected, slopes) = (f.value_and_grad({n: a for n, a in given.items() if n in f.parameters}) for f in compiled)
+    assert v == pytest.approx(expected, abs=1e-13)
+    for array in by:
+        np.testing.assert_allclose(g[array], slopes[array], rtol=0, atol=1e-13)
