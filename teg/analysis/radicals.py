@@ -47,10 +47,10 @@ def radical(g: Expr) -> Radical | None:
     """Returns an expression as a sum of one or two roots and a polynomial; None if it is none, or depends on one variable alone."""
     if len(g.free) < 2:
         return None
-    roots = [cast(Call, n) for n in postorder([g]) if isinstance(n, Call) and n.free]
+    roots = [n for n in postorder([g]) if isinstance(n, Call) and n.free]
     if not 0 < len(roots) <= MOST_ROOTS or any(n.name != "sqrt" for n in roots):
         return None
-    under = [cast(Expr, r.children[0]) for r in roots]
+    under = [r.children[0] for r in roots]
     if not all(_is_polynomial(u, MOST_DEGREE) for u in under):
         return None
     names: list[Var] = []

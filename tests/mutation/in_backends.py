@@ -13,6 +13,20 @@ SIDE_BY_SIDE = "tests/backends/numpy/test_side_by_side.py"
 KERNEL_IN_JAX = "tests/backends/jax/test_kernel.py"
 
 IN_BACKENDS: tuple[Mutant, ...] = (
+    Mutant(
+        "programs before cells side by side",
+        "backends/c/eights.py",
+        "for s in loop.body[: loop.body.index(own)] if",
+        "for s in loop.body[:0] if",
+        ("tests/backends/c/test_eights.py",),
+    ),
+    Mutant(
+        "one that covers before one with lines",
+        "backends/c/runtime/eights.h",
+        "hidden | (front & (other == 1))",
+        "hidden | front",
+        ("tests/backends/c/test_eights.py",),
+    ),
     *mutants(
         "backends/c/ranges.py",
         (RANGES,),
