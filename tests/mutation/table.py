@@ -278,12 +278,16 @@ MUTANTS: tuple[Mutant, ...] = (
         "backends/c/runtime/calls.h",
         (SMALL, C),
         ("ties of the second order in C", "return ctx->order > 0 ? r : !r;", "return r;"),
-        ("ties are noted in C", "        ctx->tied = 1;\n        return ctx->order", "        return ctx->order"),
+        ("ties are noted in C", "        ctx->tied = 1;\n        if (ctx->order > 1", "        if (ctx->order > 1"),
     ),
     *mutants(
         "backends/c/batch.py",
         (SMALL, "tests/backends/c/test_lanes.py"),
-        ("mean of two orders", "row[j] = 0.5 * (row[j] + other[j]);", "row[j] = other[j];"),
+        (
+            "mean of two orders",
+            "if (ctx.tied) for (int j = 0; j < {outputs}; j++) row[j] = 0.5 * (row[j] + other[j]);",
+            "if (ctx.tied) for (int j = 0; j < {outputs}; j++) row[j] = other[j];",
+        ),
         (
             "points that are not live",
             'f"for (int j = 0; j < {self.outputs}; j++) f[{self.apart} * j + k] = 0.0;", "continue;"',
