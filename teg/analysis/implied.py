@@ -48,8 +48,8 @@ def factors_beside_squares(g: Expr) -> list[Expr]:
     """Returns the even powers c of parameters in sums c·u - v². Where c is 0 the two arcs of such a surface are one line, v = 0."""
     found = []
     for square in _squares(g):
-        c, _ = _apart(square.rest)
-        if square.sign < 0 and not isinstance(c, Const) and _sign([c]) > 0:
+        c, u = _apart(square.rest)
+        if u.free and square.sign < 0 and not isinstance(c, Const) and _sign([c]) > 0:
             found.append(c)
     return found
 

@@ -73,4 +73,5 @@ def test_the_other_one_of_two_roots() -> None:
 def test_factors_beside_squares() -> None:
     assert factors_beside_squares(c * c * U - V**2) == [c * c]
     assert factors_beside_squares(4 * U - V**2) == []
+    assert factors_beside_squares(c * c - V**2) == []  # two lines
     assert factors_beside_squares(c * U - V**2) == []
