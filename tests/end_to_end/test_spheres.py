@@ -176,3 +176,12 @@ def test_height_between_circles(backend: str) -> None:
     first, second = inside.grad(**point), outside.grad(**point)
     assert first["b"] == pytest.approx(-second["b"], abs=1e-10)
     assert first["a"] + second["a"] == pytest.approx(math.pi * math.sqrt(0.4), abs=1e-10)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("level", [-0.2, 0.2])
+def test_height_times_a_place(backend: str, level: float) -> None:
+    """The area with x·√(a - x² - y²) > t falls by π·dt at any level. The places where its roots in y are born are those of a - x² - t²/x²,
+    on both sides of a pole."""
+    f = teg.compile(over_square(B((R2 < 0.5) & (teg.sqrt(0.5 - R2) * x > t))), [t], backend=backend)
+    assert f.grad(t=level)["t"] == pytest.approx(-math.pi, abs=1e-9)

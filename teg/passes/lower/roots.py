@@ -17,11 +17,13 @@ from typing import cast
 from teg.analysis.isolation import MAX_ROOTS, Isolation, Location, isolate, off_the_grid, widened
 from teg.analysis.polynomial import Shadow
 from teg.analysis.roots import Root, solve
+from teg.analysis.sharp import LARGEST
 from teg.analysis.surfaces import atoms_of
 from teg.analysis.tails import finite_place, is_unbounded
-from teg.ir.expr import ONE, Compare, Expr, Var, Where, has_cut
+from teg.ir.expr import ONE, Compare, Expr, Pow, Var, Where, const, has_cut
 from teg.ir.integral import Integral, PointMasses
 from teg.ir.node import postorder
+from teg.ir.simplify import call, positive, sub, where
 from teg.ir.traverse import replace_node, substitute
 from teg.passes.lower.emit import NAN, Emitter
 from teg.passes.lower.levels import Level, Plan, Truths
@@ -74,7 +76,8 @@ class Roots:
         curving = cast("tuple[Arg, Arg]", tuple(self.out.number(b, at_both) for b in isolation.curving))
         noise = self._noise(isolation, left, right, at_both)
         at_point = home.inside(isolation.var, var)
-        value, rate, curvature = (self.out.number(e, at_point) for e in (isolation.g, isolation.slope, isolation.curvature))
+        slope = _slope_beside_poles(isolation)
+        value, rate, curvature = (self.out.number(e, at_point) for e in (isolation.g, slope, isolation.curvature))
         results = tuple(self.out.fresh("v") for _ in range(isolation.count))
         enclosure, point = (*at_left.block, *at_both.block), tuple(at_point.block)
         width = max(ISOLATE_WIDTH, BOXES * self.max_roots)
@@ -271,3 +274,12 @@ class Roots:
         results = tuple(self.out.fresh("v") for _ in rivals)
         middle.block.append(SumOver(var, points, tuple(level.block), tuple(values), results))
         return {c: self.out.assign(middle, "gt0", r) for c, r in zip(rivals, results, strict=True)}
+
+
+def _slope_beside_poles(isolation: Isolation) -> Expr:
+    """Returns the slope of a function, no number where the function is infinite: c - 1/x² at 0 rises from one side and falls from the
+    other, which no sign of an infinity tells."""
+    g = isolation.g
+    if not any(isinstance(n, Pow) and n.exponent < 0 and isolation.var in n.free for n in postorder([g])):
+        return isolation.slope
+    return where(positive(sub(const(LARGEST), call("magnitude", g))), isolation.slope, const(NAN))
