@@ -91,7 +91,7 @@ class _Decisions:
         self._atoms = atoms
         self._points = (Point("first"), Point("second"))
         functions = [surface, *(a.g for a in atoms)]
-        self._with_values = {tuple(p.value(g) for p in self._points): g for g in functions}
+        self._with_values = {values: g for g in functions if (values := self._values(g)) is not None}
         self._own = list(self._squares(surface))
 
     def of(self, atom: Compare) -> Cond | None:
@@ -110,10 +110,10 @@ class _Decisions:
 
     def root(self, e: Call) -> Expr | None:
         """Returns what a square root is on the surface, by its form: |v|/√c on c·u - v² = 0. To rounding, u may be negative there."""
-        own = tuple(p.value(e.children[0]) for p in self._points)
-        for square in self._own:
+        own = self._values(e.children[0])
+        for square in self._own if own is not None else ():
             c, u = _apart(square.rest)
-            if square.sign < 0 and _sign([c]) > 0 and own == tuple(p.value(u) for p in self._points):
+            if square.sign < 0 and _sign([c]) > 0 and own == self._values(u):
                 return mul(call("magnitude", square.v), call("sqrt", div(square.scale, c)))
         return None
 
@@ -124,9 +124,14 @@ class _Decisions:
             c, u = _apart(square.rest)
             if square.sign < 0 and _sign([c]) > 0:
                 for v in (square.v, mul(MINUS_ONE, square.v)) if square.scale is ONE else ():
-                    w = add(u, v, mul(const(0.25), c))
-                    if (known := self._with_values.get(tuple(p.value(w) for p in self._points))) is not None:
+                    values = self._values(add(u, v, mul(const(0.25), c)))
+                    if values is not None and (known := self._with_values.get(values)) is not None:
                         yield Square(-1, ONE, add(v, mul(const(0.5), c)), mul(c, known))
+
+    def _values(self, e: Expr) -> tuple[int, ...] | None:
+        """Returns values by which equal functions are known; None for a function that is not algebraic, as an integral may be."""
+        values = [p.value(e) for p in self._points]
+        return None if None in values else tuple(cast("list[int]", values))
 
     def _ratio(self, a: Expr, b: Expr) -> int:
         """Returns the sign of a/b if that is a number times even powers of parameters; 0 otherwise."""

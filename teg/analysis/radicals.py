@@ -14,6 +14,7 @@ from teg.ir.simplify import integer_power, mul, sub
 from teg.ir.traverse import fresh, rewrite, substitute
 
 MOST_ROOTS = 2
+"""The largest number of roots in a sum: the difference of two is squared twice."""
 MOST_DEGREE = 2
 """The largest degree of a polynomial under a root."""
 

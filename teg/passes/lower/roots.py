@@ -20,9 +20,9 @@ from teg.analysis.roots import Root, solve
 from teg.analysis.sharp import LARGEST
 from teg.analysis.surfaces import atoms_of
 from teg.analysis.tails import finite_place, is_unbounded
-from teg.ir.expr import ONE, Compare, Expr, Pow, Var, Where, const, has_cut
+from teg.ir.expr import ONE, Call, Compare, Expr, Pow, Var, Where, const, has_cut
 from teg.ir.integral import Integral, PointMasses
-from teg.ir.node import postorder
+from teg.ir.node import Node, postorder
 from teg.ir.simplify import call, positive, sub, where
 from teg.ir.traverse import replace_node, substitute
 from teg.passes.lower.emit import NAN, Emitter
@@ -277,9 +277,14 @@ class Roots:
 
 
 def _slope_beside_poles(isolation: Isolation) -> Expr:
-    """Returns the slope of a function, no number where the function is infinite: c - 1/x² at 0 rises from one side and falls from the
+    """Returns the slope of a function, no number where the function is infinite: c - 1/x² at 0 rises on one side and falls on the
     other, which no sign of an infinity tells."""
     g = isolation.g
-    if not any(isinstance(n, Pow) and n.exponent < 0 and isolation.var in n.free for n in postorder([g])):
+    if not any(_has_poles(n) and isolation.var in n.free for n in postorder([g])):
         return isolation.slope
     return where(positive(sub(const(LARGEST), call("magnitude", g))), isolation.slope, const(NAN))
+
+
+def _has_poles(n: Node) -> bool:
+    """Returns whether a function of a finite number may be infinite."""
+    return (isinstance(n, Pow) and n.exponent < 0) or (isinstance(n, Call) and n.name in ("log", "pow", "tan"))
