@@ -15,14 +15,16 @@ from teg.analysis.calculus import slope
 from teg.analysis.nest import Binder
 from teg.analysis.polynomial import Shadow, is_null
 from teg.analysis.tails import infinite_ends
-from teg.ir.expr import MINUS_ONE, ONE, TRUE, ZERO, Cond, Expr, Var, const
+from teg.ir.expr import MINUS_ONE, ONE, TRUE, ZERO, Add, Cond, Expr, Mul, Var, const
 from teg.ir.show import show
 from teg.ir.simplify import add, call, conjunction, integer_power, mul, positive, sub, where
 from teg.ir.traverse import substitute
 
 ROUNDING = 8 * 2.0**-52
 APART = 2.0**-45
-"""What counts as 0 at the critical point, relative to the values on the box."""
+"""What counts as 0 at the critical point, relative to Σ|terms| there."""
+FINEST = 2.0**-100
+"""The same, relative to the values on the box: the square of a length that is none beside it."""
 LEAST = 1e-200
 """The least such distance: the square of a radius."""
 NOTHING = 1e-12
@@ -31,12 +33,14 @@ NOTHING = 1e-12
 
 @dataclass(frozen=True)
 class Critical:
-    """The critical point of a quadric, the value of g there, det H, whether the point is in the box, and the size of g on the box."""
+    """The critical point of a quadric, the value of g there, det H, whether the point is in the box, Σ|terms| of that value, and the size
+    of g on the box."""
 
     point: Mapping[Var, Expr]
     value: Expr
     determinant: Expr
     inside: Cond
+    terms: Expr
     size: Expr
 
 
@@ -62,7 +66,7 @@ def critical_point(g: Expr, boxes: Sequence[Binder]) -> Critical | None:
         positive(sub(call("magnitude", whole), mul(const(ROUNDING), scale))),  # else the point is noise
         *(_between(point[b.var], b) for b in boxes),
     )
-    return Critical(point, _at(g, point), whole, inside, _size(g, around, middle))
+    return Critical(point, _at(g, point), whole, inside, _terms_size(g, point, hessian), _size(g, around, middle))
 
 
 def finite_box(b: Binder) -> Binder:
@@ -99,7 +103,19 @@ def least_height(critical: Critical) -> Expr:
     It is not 0 where all numbers are: a circle has directions however small it is, and a side of the box through its centre leaves half
     of it.
     """
-    return add(mul(const(APART), critical.size), const(LEAST))
+    finest = ZERO if critical.size is critical.terms else mul(const(FINEST), critical.size)
+    return add(mul(const(APART), critical.terms), finest, const(LEAST))
+
+
+def height_at_saddle(critical: Critical) -> Expr:
+    """Returns the same, and more where curves cross: the integral over them is infinite, however near they are taken."""
+    return add(least_height(critical), where(_is_crossing(critical), mul(const(APART), critical.size), ZERO))
+
+
+def _is_crossing(critical: Critical) -> Cond:
+    """Returns whether the critical value of a surface that has two branches beside it is 0 to rounding."""
+    near = positive(sub(mul(const(ROUNDING), critical.terms), call("magnitude", critical.value)), strict=False)
+    return conjunction(positive(mul(MINUS_ONE, critical.determinant)), near)
 
 
 def infinite_at_saddle(g: Expr, coefficient: Expr, boxes: Sequence[Binder]) -> Expr:
@@ -113,8 +129,6 @@ def infinite_at_saddle(g: Expr, coefficient: Expr, boxes: Sequence[Binder]) -> E
     critical = critical_point(g, boxes)
     if critical is None:
         return ZERO
-    near = positive(sub(mul(const(ROUNDING), critical.size), call("magnitude", critical.value)), strict=False)
-    saddle = positive(mul(MINUS_ONE, critical.determinant))
     around = [finite_box(b) for b in boxes]
     middle = {b.var: mul(const(0.5), add(b.lo, b.hi)) for b in around}
     there, nothing = _at(coefficient, critical.point), mul(const(NOTHING), _size(coefficient, around, middle))
@@ -122,11 +136,32 @@ def infinite_at_saddle(g: Expr, coefficient: Expr, boxes: Sequence[Binder]) -> E
     signed = where(
         positive(sub(there, nothing)), endless, where(positive(sub(mul(MINUS_ONE, there), nothing)), mul(MINUS_ONE, endless), ZERO)
     )
-    return where(conjunction(saddle, near, critical.inside), signed, ZERO)
+    return where(conjunction(_is_crossing(critical), critical.inside), signed, ZERO)
 
 
 def _at(e: Expr, point: Mapping[Var, Expr]) -> Expr:
     return cast(Expr, substitute(e, point))
+
+
+def _terms_size(g: Expr, point: Mapping[Var, Expr], hessian: Sequence[Sequence[Expr]]) -> Expr:
+    """Returns Σ|terms| of a quadric at its critical point p, and ½Σ|Hᵢⱼpᵢpⱼ|: lengths that are less than the roundings of p are none."""
+    reach = [call("magnitude", e) for e in point.values()]
+    sizes = [
+        mul(const(0.5), call("magnitude", h), here, there)
+        for row, here in zip(hessian, reach, strict=True)
+        for h, there in zip(row, reach, strict=True)
+    ]
+    waiting: list[tuple[Expr, Expr]] = [(ONE, g)]
+    while waiting:
+        factor, e = waiting.pop()
+        moving = [c for c in e.children if any(v in c.free for v in point)] if isinstance(e, Mul) else []
+        if isinstance(e, Add):
+            waiting += [(factor, c) for c in e.children]
+        elif isinstance(e, Mul) and len(moving) == 1 and isinstance(moving[0], Add):
+            waiting.append((mul(factor, *(c for c in e.children if c is not moving[0])), moving[0]))
+        else:
+            sizes.append(call("magnitude", mul(factor, _at(e, point))))
+    return add(*sizes)
 
 
 def _size(e: Expr, boxes: Sequence[Binder], middle: Mapping[Var, Expr]) -> Expr:

@@ -277,6 +277,18 @@ IN_PASSES: tuple[Mutant, ...] = (
         ("a surface at its birth", "return add(g, where(critical.inside, sub(moved, critical.value), ZERO))", "return g"),
     ),
     *mutants(
+        "teg/passes/eliminate/implicit.py",
+        ("tests/passes/eliminate/test_charts.py",),
+        ("lengths of a long ellipse", "extents = _extents(slopes, boxes)", "extents = [sub(b.hi, b.lo) for b in boxes]"),
+    ),
+    *mutants(
+        "teg/analysis/critical.py",
+        ("tests/passes/eliminate/test_charts.py", "tests/passes/eliminate/test_implicit.py"),
+        ("least height of a long ellipse", "mul(const(APART), critical.terms), finest", "mul(const(APART), critical.size), finest"),
+        ("least height of a birth", "add(least_height(critical), where", "add(ZERO, where"),
+        ("least height of a crossing", "mul(const(APART), critical.size), ZERO)", "ZERO, ZERO)"),
+    ),
+    *mutants(
         "teg/passes/intrinsics/pole/match.py",
         ("tests/backends/test_poles.py",),
         ("zero of a denominator", "at = divided(-linear.get((0,), 0), linear[1,])", "at = divided(linear.get((0,), 0), linear[1,])"),

@@ -2,8 +2,9 @@
 
     ∫…∫ w δ(g) dx₁…dxₙ  =  Σᵢ ∫…∫ dxⱼ (j ≠ i)  Σ_{xᵢ : g = 0}  w·φᵢ/|gᵢ|·[inside],        φᵢ = (gᵢXᵢ)⁴ / Σⱼ (gⱼXⱼ)⁴
 
-one chart a variable, with gᵢ = ∂g/∂xᵢ and Xᵢ the extent of the box. The weights φ are a partition of unity that vanishes, with the
-factor 1/|gᵢ|, where the surface turns back in xᵢ: no chart has a border, and no integrand a pole. The roots are isolated at run time.
+one chart a variable, with gᵢ = ∂g/∂xᵢ and Xᵢ the extent of the box, or of a quadric. The weights φ are a partition of unity that
+vanishes, with the factor 1/|gᵢ|, where the surface turns back in xᵢ: no chart has a border, and no integrand a pole. The roots are
+isolated at run time.
 The sums over roots are `PointMasses`; they are not differentiated again: a further derivative carries the δ itself along
 (`teg.passes.differentiate.forward`).
 Source: the coarea formula; Saye 2022, section 3, for charts by the dominant slope, which have borders instead.
@@ -17,20 +18,22 @@ from typing import cast
 
 from teg.analysis.births import at_births
 from teg.analysis.calculus import slope
-from teg.analysis.critical import critical_point, infinite_at_saddle, is_above_birth, least_height
+from teg.analysis.critical import critical_point, height_at_saddle, infinite_at_saddle, is_above_birth
 from teg.analysis.isolation import isolate, widened
 from teg.analysis.nest import Binder, Chain, divided, nest
 from teg.analysis.roots import solve
-from teg.analysis.surfaces import ordered, restrict, signed_inside
+from teg.analysis.surfaces import free_of, ordered, restrict, signed_inside
 from teg.analysis.tails import is_unbounded
 from teg.errors import NotDifferentiableError
 from teg.ir.expr import MINUS_ONE, ONE, ZERO, Expr, Var, const
 from teg.ir.integral import Integral, PointMasses, delta, integral_over, masses_of
 from teg.ir.node import Node, postorder
-from teg.ir.simplify import add, call, integer_power, mul, sub, where
+from teg.ir.simplify import add, call, div, integer_power, mul, sub, where
 from teg.ir.traverse import rebuild, replace_node, substitute
 
 MAX_CHARTS = 3
+NEARLY_FLAT, NOTHING = 1e-40, 1e-200
+"""The least bend of a quadric beside the others, and in all."""
 
 
 @dataclass(frozen=True)
@@ -120,7 +123,7 @@ def _chart_weights(slopes: Sequence[Expr], boxes: Sequence[Binder], power: int, 
     bounded: they are cut off there at limits that they never reach."""
     if len(slopes) == 1:
         return [integer_power(call("magnitude", slopes[0]), -1)]
-    extents = [sub(b.hi, b.lo) if ordered(b.lo, b.hi) > 0 else call("magnitude", sub(b.hi, b.lo)) for b in boxes]
+    extents = _extents(slopes, boxes)
     sizes = [call("magnitude", mul(s, extent)) for s, extent in zip(slopes, extents, strict=True)]
     scale = integer_power(add(*sizes), -1)
     ratios = [mul(size, scale) for size in sizes]
@@ -130,6 +133,24 @@ def _chart_weights(slopes: Sequence[Expr], boxes: Sequence[Binder], power: int, 
     total = mul(scale, integer_power(call("max", powers, const(least)) if far else powers, -1))
     tops = [integer_power(r, power - 1) if power > 2 else call("min", r, const(2.0)) for r in ratios]  # else 1/m is squared in the product
     return [mul(top, extent, total) for top, extent in zip(tops, extents, strict=True)]
+
+
+def _extents(slopes: Sequence[Expr], boxes: Sequence[Binder]) -> list[Expr]:
+    """Returns the lengths that slopes are compared by, up to a common factor: those of the box, Xᵢ, or those of the surface if it is a
+    quadric. Along a long ellipse in a wide box, the weights by Xᵢ would be exchanged within a part of the curve that no node sees.
+
+    With gᵢᵢ = ∂²g/∂xᵢ² and H = Σ|gᵢ|Xᵢ over the variables of which g is linear (1 without any), they are √(H/|gᵢᵢ|), and Xᵢ of the
+    linear ones."""
+    extents = [sub(b.hi, b.lo) if ordered(b.lo, b.hi) > 0 else call("magnitude", sub(b.hi, b.lo)) for b in boxes]
+    bends = [slope(s, b.var) for s, b in zip(slopes, boxes, strict=True)]
+    linear = [i for i, bend in enumerate(bends) if bend is ZERO]
+    steady = [slopes[i] if i in linear else bend for i, bend in enumerate(bends)]
+    if len(linear) == len(bends) or any(not free_of(e, (b.var for b in boxes)) for e in steady):
+        return extents
+    height = add(*(call("magnitude", mul(slopes[i], extents[i])) for i in linear), const(NOTHING)) if linear else ONE
+    sizes = [call("magnitude", bend) for bend in bends]
+    least = add(mul(const(NEARLY_FLAT), add(*sizes)), const(NOTHING))
+    return [e if i in linear else call("sqrt", div(height, call("max", sizes[i], least))) for i, e in enumerate(extents)]
 
 
 def with_deltas(root: Expr) -> Expr:
@@ -150,7 +171,7 @@ def _apart_from_birth(g: Expr, boxes: Sequence[Binder]) -> Expr:
     critical = critical_point(g, boxes)
     if critical is None:
         return g
-    least = least_height(critical)
+    least = height_at_saddle(critical)
     above, below = call("max", critical.value, least), call("min", critical.value, mul(MINUS_ONE, least))
     moved = where(is_above_birth(g, critical), above, below)
     return add(g, where(critical.inside, sub(moved, critical.value), ZERO))

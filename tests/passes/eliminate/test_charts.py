@@ -12,7 +12,7 @@ from teg.passes.eliminate.bilinear import Bilinear, match_bilinear
 from teg.passes.eliminate.crossings import Curve, match_curve
 from tests.passes.eliminate.differences import second_differences
 
-x, y = teg.vars("x y")
+x, y, z = teg.vars("x y z")
 t, a, b, c, k, p, q = teg.params("t a b c k p q")
 SQUARE = ((x, -1, 1), (y, -1, 1))
 UNIT = ((x, 0, 1), (y, 0, 1))
@@ -67,6 +67,34 @@ def test_the_disk(backend: str) -> None:
     assert value == pytest.approx(math.pi / 2, rel=1e-13)
     assert gradient["t"] == pytest.approx(math.pi, rel=1e-13)
     assert f.hessian(t=0.5)["t", "t"] == pytest.approx(0.0, abs=1e-12)
+
+
+LONG = {"axes": x * x + a * y * y, "with a mixed term": x * x + a * y * y + x * y, "shifted": (x - 0.125) ** 2 + a * (y - 0.25) ** 2}
+
+
+@pytest.mark.parametrize("backend", ["numpy", "c", "jax"])
+@pytest.mark.parametrize("name", LONG)
+def test_ellipses_of_any_length(name: str, backend: str, x64_for_jax: None) -> None:
+    """The area is πt/√det of the ellipse {q < t}, whatever the sign of a could be. Between charts the weights change in a part 1/√a of the
+    curve, unless the charts know how long it is; from a = 1e14 on, t is small beside the values of q on the box."""
+    f = teg.compile(teg.integral(teg.bracket(LONG[name] < t) * (2 + x - 0.125 * (name == "shifted")), *SQUARE), [t, a], backend=backend)
+    digits, most = (2e-10, 8) if name == "shifted" else (2e-14, 17)
+    for long in 10.0 ** np.arange(0, most + 1):
+        det = long - 0.25 if "mixed" in name else long
+        gradient = f.grad(t=0.3, a=long)
+        assert gradient["t"] == pytest.approx(2 * math.pi / math.sqrt(det), rel=digits, abs=0)
+        assert gradient["a"] == pytest.approx(-0.3 * math.pi * det**-1.5, rel=digits, abs=0)
+        if name != "shifted":  # the mean of both sides
+            assert f.grad(t=0.0, a=long)["t"] == pytest.approx(math.pi / math.sqrt(det), rel=digits, abs=0)
+
+
+@pytest.mark.parametrize("backend", ["numpy", "c", "jax"])
+def test_ellipsoids_of_any_length(backend: str, x64_for_jax: None) -> None:
+    """The derivative of 4/3·π·√(t³/(a·c)) by t is 2π·√(t/(a·c))."""
+    ball = teg.integral(teg.bracket(x * x + a * y * y + c * z * z < t), *SQUARE, (z, -1, 1))
+    f = teg.compile(ball, [t], backend=backend)
+    for long in (1.0, 1e3, 1e6, 1e7, 1e8):
+        assert f.grad(t=0.3, a=long, c=0.7 * long)["t"] == pytest.approx(2 * math.pi / long * math.sqrt(0.3 / 0.7), rel=1e-10, abs=0)
 
 
 def test_the_second_derivative_counts_the_fluxes_of_the_charts() -> None:
