@@ -19,7 +19,8 @@ from typing import cast
 
 from teg.analysis.branches import branches_of, cases_of
 from teg.analysis.break_functions import BreakFunctions
-from teg.analysis.isolation import MAX_ROOTS, Isolation, Location, isolate, locate
+from teg.analysis.guards import support, weakened
+from teg.analysis.isolation import MAX_ROOTS, Isolation, Location, has_pole, isolate, locate
 from teg.analysis.kinks import EXTREMES, kink_of, without_extremes
 from teg.analysis.polynomial import Poly, Ratio, Shadow
 from teg.analysis.projection import Contribution, Origin, Projection, Turn
@@ -110,7 +111,7 @@ class BreakAnalysis:
         complete = projection.complete
         functions, matters = self._distinct(projection.functions)
         found = {g: self._roots(g, x, node.lo, node.hi) for g in dict.fromkeys(functions.values()) if not self.functions.is_zero(g)}
-        isolated = self._isolated([g for g, roots in found.items() if roots is None], x)
+        isolated = self._isolated([g for g, roots in found.items() if roots is None], node)
         for f, representative in functions.items():
             if representative not in found:  # a surface that coincides with the surface of these point masses
                 handled.add(f)
@@ -145,11 +146,22 @@ class BreakAnalysis:
         )
         return breaks if complete else self._with_those_of_the_source(breaks, node, direct)
 
-    def _isolated(self, functions: Sequence[Expr], x: Var) -> dict[Expr, Isolation]:
-        """Returns those of some functions without a formula whose roots are found at run time."""
+    def _isolated(self, functions: Sequence[Expr], node: Integral) -> dict[Expr, Isolation]:
+        """Returns those of some functions without a formula whose roots are found at run time: of those with a pole, where the body is not
+        0 to all that is known by formula."""
+        x, body, inner = node.var, node.body, binders_inside(node.body)
         chosen = functions if len(functions) <= MAX_ISOLATED else functions[:SOME_ISOLATED]
         isolations = ((f, isolate(f, x, self.max_roots)) for f in chosen)
-        return {f: i for f, i in isolations if i is not None}
+        found = {f: i for f, i in isolations if i is not None}
+        if not any(has_pole(f, x) for f in found):
+            return found
+        terms = body.children if isinstance(body, Add) else (body,)
+        region = disjunction(*(weakened(support(e), lambda g: self._is_short(g, x, inner)) for e in terms))
+        return {f: i.inside(region) if has_pole(f, x) else i for f, i in found.items()} if region is not TRUE else found
+
+    def _is_short(self, g: Expr, x: Var, inner: frozenset[Var]) -> bool:
+        """Returns whether g is linear or quadratic in x, not in variables further in. So it is none of the functions without a formula."""
+        return not g.has_integral and not g.free & inner and self.functions.degrees.of(g, x) in (1, 2)
 
     def _with_those_of_the_source(self, found: Breaks, node: Integral, direct: Sequence[Expr]) -> Breaks:
         """Returns breaks of which some are not known with those of the integrals whose derivative this is: if all of these are known, only

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import cast
 
 from teg.analysis.calculus import slope
-from teg.ir.expr import FALSE, TRUE, ZERO, Add, And, Cond, Const, Expr, Mul, Or, Var, Where, const
+from teg.ir.expr import FALSE, MINUS_ONE, TRUE, ZERO, Add, And, Compare, Cond, Const, Expr, Mul, Not, Or, Var, Where, const
 from teg.ir.integral import Integral
-from teg.ir.node import Node
-from teg.ir.simplify import add, call, conjunction, disjunction, mul, negation
+from teg.ir.node import Node, postorder
+from teg.ir.simplify import add, call, conjunction, disjunction, mul, negation, positive
 from teg.ir.traverse import substitute
 
 GUARD_TERMS = 4
@@ -82,6 +82,25 @@ def support(e: Expr) -> Cond:
         parts = [support(f) for f in e.children if isinstance(f, Where)]
         return conjunction(*parts)
     return TRUE
+
+
+def weakened(c: Cond, keeps: Callable[[Expr], bool]) -> Cond:
+    """Returns a condition that holds wherever c does, made of those atoms g > 0 and g >= 0 of c of whose g `keeps` is true."""
+    either: dict[Node, tuple[Cond, Cond]] = {}  # that a condition holds, and that it does not
+    for node in postorder([c]):
+        if isinstance(node, Compare):
+            kept = keeps(node.g)
+            either[node] = (positive(node.g, strict=False), positive(mul(MINUS_ONE, node.g), strict=False)) if kept else (TRUE, TRUE)
+        elif isinstance(node, Not):
+            either[node] = either[node.children[0]][::-1]
+        elif isinstance(node, And | Or):
+            holds, fails = zip(*(either[part] for part in node.children), strict=True)
+            either[node] = (
+                (conjunction(*holds), disjunction(*fails)) if isinstance(node, And) else (disjunction(*holds), conjunction(*fails))
+            )
+        elif isinstance(node, Cond):
+            either[node] = TRUE, TRUE
+    return either[c][0]
 
 
 def middle_and_reach(g: Expr, corner: Mapping[Var, Expr], extents: Sequence[Expr]) -> tuple[Expr, Expr]:

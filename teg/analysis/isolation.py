@@ -12,7 +12,7 @@ slope of g, enclosures of both over a box, and a bound on the number of roots, f
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import cast
 
 from teg.analysis.calculus import slope
@@ -21,9 +21,9 @@ from teg.analysis.kinks import is_extreme
 from teg.analysis.polynomial import Shadow
 from teg.analysis.roots import outermost
 from teg.errors import NotDifferentiableError
-from teg.ir.expr import FALSE, MINUS_ONE, ONE, ZERO, Add, Call, Cond, Const, Expr, Mul, Pow, Var, Where, const, has_cut
+from teg.ir.expr import FALSE, MINUS_ONE, ONE, TRUE, ZERO, Add, Call, Cond, Const, Expr, Mul, Pow, Var, Where, const, has_cut
 from teg.ir.node import Node, postorder
-from teg.ir.simplify import add, call, conjunction, disjunction, mul, positive, sub, where
+from teg.ir.simplify import add, call, conjunction, disjunction, mul, negation, positive, sub, where
 from teg.ir.traverse import fresh, replace_node
 
 MAX_ROOTS = 16
@@ -75,7 +75,8 @@ _ANYTHING: tuple[Expr, Expr] = (const(-math.inf), const(math.inf))
 class Isolation:
     """g, its slope and its curvature in `var`, with bounds for left <= var <= right, and the largest number of roots.
 
-    Bounds of g and the slope come together, then those of the curvature. An unknown curvature is NaN, between infinite bounds.
+    Bounds of g and the slope come together, then those of the curvature. An unknown curvature is NaN, between infinite bounds. Outside of
+    the `region` of var in which roots are looked for, g counts as not defined; a box may be all `outside`, or lie `across` its border.
     """
 
     g: Expr
@@ -87,6 +88,17 @@ class Isolation:
     count: int
     curvature: Expr = _NO_NUMBER
     curving: tuple[Expr, Expr] = _ANYTHING
+    region: Cond = TRUE
+    outside: Cond = FALSE
+    across: Cond = FALSE
+
+    def inside(self, region: Cond) -> Isolation:
+        """Returns the isolation in a region only: beside a pole there may be any number of roots, of which no integrand knows."""
+        inside, outside = Enclosure({self.var: (self.left, self.right)}).decision(region)
+        across = negation(disjunction(inside, outside))  # there, too, g is no number at some places
+        low, high, *slopes = self.bounds
+        bounds = low, high, *_unless(across, (slopes[0], slopes[1]))
+        return replace(self, bounds=bounds, curving=_unless(across, self.curving), region=region, outside=outside, across=across)
 
 
 def isolate(g: Expr, x: Var, limit: int = MAX_ROOTS) -> Isolation | None:
@@ -282,6 +294,15 @@ def _bounds_of_slope(e: Expr, x: Var, boxed: Enclosure) -> tuple[Expr, Expr]:
         return boxed.of(slope(e, x))
     except NotDifferentiableError:
         return _ANY_SLOPE
+
+
+def has_pole(g: Expr, x: Var) -> bool:
+    """Returns whether a function may be infinite, or oscillate without end, where x is finite."""
+    return any(_is_infinite_somewhere(n) and x in n.free for n in postorder([g]))
+
+
+def _is_infinite_somewhere(n: Node) -> bool:
+    return (isinstance(n, Pow) and n.exponent < 0) or (isinstance(n, Call) and n.name in ("log", "pow", "tan"))
 
 
 def widened(lo: Expr, hi: Expr) -> tuple[Expr, Expr]:

@@ -198,8 +198,8 @@ class Projection:
                 self._put(border, near(add(origin, div(b, mul(const(-2.0), a))), lo, hi), fold)
                 self.out.turns[Turn("root", border, self.functions.somewhere(f, z, lo, hi))] = None
         elif degree == 0:
-            if apart:
-                self._put(f)
+            if apart:  # z may stand in f, as in x + z² - z²
+                self._put(cast(Expr, substitute(f, {z: self.origin})))
         else:
             self.others.append(f)
             if not apart:

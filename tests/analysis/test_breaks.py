@@ -313,3 +313,36 @@ def test_surfaces_that_touch_from_either_side(sign: int, backend: str) -> None:
     at = {"t": 0.857891202400034, "b": 0.7128011327935113, "a": 0.9432422336516113}
     slope = 1 + 4 * (at["t"] ** 2 + at["b"] ** 2)
     assert teg.compile(e, [], backend=backend)(at) == pytest.approx(math.pi * at["a"] / 2 * (1 + slope**-0.5), rel=1e-12)
+
+
+BESIDE_POLES = {
+    "sine": (y < teg.sin(3 * x) + a, lambda v: np.sin(3 * v) + 0.5),
+    "quotient": (y * teg.exp(x * x) < a + teg.cos(4 * x), lambda v: (np.cos(4 * v) + 0.5) * np.exp(-v * v)),
+}
+
+
+@pytest.mark.parametrize("backend", ["numpy", "c", pytest.param("jax", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", BESIDE_POLES)
+@pytest.mark.parametrize("at", [0.4, 0.02])
+def test_roots_are_looked_for_where_they_matter(at: float, name: str, backend: str, x64_for_jax: None) -> None:
+    """Along x·y = t/2 the other curve is one of t/(2y), with roots without end at y = 0, where the hyperbola has left the square. Its
+    derivative is ½∫ dx/|x| over those x at which y = t/(2x) is in the square and below the other curve."""
+    other, curve = BESIDE_POLES[name]
+    f = teg.compile(teg.integral(teg.bracket((x * y < 0.5 * t) & other), (x, -1, 1), (y, -1, 1)), [t], backend=backend)
+    exact = 0.0
+    for lo, hi in ((-1.0, -0.5 * at), (0.5 * at, 1.0)):
+        grid = np.linspace(lo, hi, 20001)
+        below = curve(grid) - 0.5 * at / grid
+        changes = np.flatnonzero(below[:-1] * below[1:] < 0.0)
+        places = [lo, *(float(_zero(lambda v: curve(v) - 0.5 * at / v, grid[i], grid[i + 1])) for i in changes), hi]
+        for p, q in pairwise(places):
+            exact += 0.5 * abs(math.log(q / p)) * bool(curve(0.5 * (p + q)) > at / (p + q))
+    assert f.grad(t=at, a=0.5)["t"] == pytest.approx(exact, abs=1e-9)
+
+
+def _zero(e: Any, lo: float, hi: float) -> float:
+    above = e(lo) > 0.0
+    for _ in range(80):
+        middle = 0.5 * (lo + hi)
+        lo, hi = (middle, hi) if (e(middle) > 0.0) == above else (lo, middle)
+    return 0.5 * (lo + hi)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 
 import teg
@@ -97,6 +98,27 @@ def test_one_sphere_before_the_other(backend: str, lift: float) -> None:
         assert g1[name] + g2[name] == pytest.approx(g[name], abs=1e-10)
         sides = [first(**{**point, name: point[name] + h}) for h in (-2e-3, -1e-3, 1e-3, 2e-3)]
         assert g1[name] == pytest.approx((sides[0] - 8 * sides[1] + 8 * sides[2] - sides[3]) / 12e-3, abs=1e-8)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_spheres_whose_squares_cancel(backend: str) -> None:
+    """The difference of both heights' squares is linear as it is written, x² - (x - 0.3)² + ... The curve of equal heights has
+    √u + c = √w: on its ellipse 4c²u = v², with v = u - w + c² <= 0. By Leibniz's rule along it, over x."""
+    first, second, up = 0.5, 0.4, 0.1
+    higher = (a > R2) & ((x - 0.3) ** 2 + y * y < b) & (c + HEIGHT > teg.sqrt(b - (x - 0.3) ** 2 - y * y))
+    gradient = teg.compile(over_square(B(higher)), [c], backend=backend).grad(a=first, b=second, c=up)
+    end, start = 0.5, (first - second + 0.09 + up * up) / 0.6  # where the ellipse ends (at a = 0.5, b = 0.4, c = 0.1), and v = 0
+
+    def rate(s: float) -> float:
+        place = end - s * s
+        v = 0.6 * (start - place)
+        u = v * v / (4.0 * up * up)
+        return 2.0 * s * (8.0 * u * up - 4.0 * v * up) / (8.0 * up * up * math.sqrt(first - place * place - u))
+
+    nodes, weights = np.polynomial.legendre.leggauss(60)
+    reach = math.sqrt(end - start)
+    exact = sum(w * reach * rate(0.5 * reach * (1.0 + v)) for v, w in zip(nodes, weights, strict=True))
+    assert gradient["c"] == pytest.approx(exact, abs=1e-9)
 
 
 def test_spheres_at_one_height_by_their_height_is_said() -> None:

@@ -282,6 +282,29 @@ IN_PASSES: tuple[Mutant, ...] = (
         ("lengths of a long ellipse", "extents = _extents(slopes, boxes)", "extents = [sub(b.hi, b.lo) for b in boxes]"),
     ),
     *mutants(
+        "teg/analysis/projection.py",
+        ("tests/end_to_end/test_spheres.py",),
+        (
+            "a line in which a variable cancels",
+            "self._put(cast(Expr, substitute(f, {z: self.origin})))\n        else:",
+            "self._put(f)\n        else:",
+        ),
+    ),
+    *mutants(
+        "teg/analysis/breaks.py",
+        ("tests/analysis/test_breaks.py",),
+        ("roots beside poles", "i.inside(region) if has_pole(f, x) else i", "i"),
+    ),
+    *mutants(
+        "teg/passes/lower/roots.py",
+        ("tests/analysis/test_breaks.py",),
+        (
+            "boxes across a region's border",
+            'outside, NAN, self.out.assign(at_both, "select", across, known, bound))',
+            "outside, NAN, bound)",
+        ),
+    ),
+    *mutants(
         "teg/analysis/critical.py",
         ("tests/passes/eliminate/test_charts.py", "tests/passes/eliminate/test_implicit.py"),
         ("least height of a long ellipse", "mul(const(APART), critical.terms), finest", "mul(const(APART), critical.size), finest"),

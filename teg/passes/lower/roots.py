@@ -9,20 +9,21 @@ A root is not exact: values at a root carry its error, so that conditions on sur
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache, partial
 from typing import cast
 
-from teg.analysis.isolation import MAX_ROOTS, Isolation, Location, isolate, off_the_grid, widened
+from teg.analysis.isolation import MAX_ROOTS, Isolation, Location, has_pole, isolate, off_the_grid, widened
 from teg.analysis.polynomial import Shadow
 from teg.analysis.roots import Root, solve
 from teg.analysis.sharp import LARGEST
 from teg.analysis.surfaces import atoms_of
 from teg.analysis.tails import finite_place, is_unbounded
-from teg.ir.expr import ONE, Call, Compare, Expr, Pow, Var, Where, const, has_cut
+from teg.ir.expr import ONE, TRUE, Compare, Expr, Var, Where, const, has_cut
 from teg.ir.integral import Integral, PointMasses
-from teg.ir.node import Node, postorder
+from teg.ir.node import postorder
 from teg.ir.simplify import call, positive, sub, where
 from teg.ir.traverse import replace_node, substitute
 from teg.passes.lower.emit import NAN, Emitter
@@ -51,7 +52,8 @@ class Roots:
 
     def isolated(self, isolation: Isolation, lo: Expr, hi: Expr, home: Level, when: str | None, soft: bool = False) -> tuple[Arg, ...]:
         """Returns the roots of a function between two bounds, found at run time. An integrand is continuous at `soft` ones."""
-        return self._found((isolation.g, isolation.var, lo, hi, soft), home, when, partial(self._isolate, isolation, lo, hi, home, soft))
+        search = isolation.g, isolation.region, isolation.var, lo, hi, soft
+        return self._found(search, home, when, partial(self._isolate, isolation, lo, hi, home, soft))
 
     def _found(self, search: object, home: Level, when: str | None, emit: Callable[[str | None], tuple[Arg, ...]]) -> tuple[Arg, ...]:
         """Returns the results of a search, which runs where `when` holds and no earlier one for the same has run."""
@@ -72,12 +74,13 @@ class Roots:
         left, right, var = (self.out.fresh("x") for _ in range(3))
         at_left = home.inside(isolation.left, left)
         at_both = at_left.inside(isolation.right, right)
-        bounds = cast("tuple[Arg, Arg, Arg, Arg]", tuple(self.out.number(b, at_both) for b in isolation.bounds))
+        bounds = self._bounds(isolation, at_both)
         curving = cast("tuple[Arg, Arg]", tuple(self.out.number(b, at_both) for b in isolation.curving))
         noise = self._noise(isolation, left, right, at_both)
         at_point = home.inside(isolation.var, var)
         slope = _slope_beside_poles(isolation)
-        value, rate, curvature = (self.out.number(e, at_point) for e in (isolation.g, slope, isolation.curvature))
+        defined = where(isolation.region, isolation.g, const(NAN))
+        value, rate, curvature = (self.out.number(e, at_point) for e in (defined, slope, isolation.curvature))
         results = tuple(self.out.fresh("v") for _ in range(isolation.count))
         enclosure, point = (*at_left.block, *at_both.block), tuple(at_point.block)
         width = max(ISOLATE_WIDTH, BOXES * self.max_roots)
@@ -85,6 +88,20 @@ class Roots:
         tol = self.tol ** (2 / 3) if soft else self.tol
         home.block.append(replace(found, curving=curving, noise=noise, curvature=curvature, tol=tol))
         return results
+
+    def _bounds(self, isolation: Isolation, at_both: Level) -> tuple[Arg, Arg, Arg, Arg]:
+        """Returns the bounds of g and its slope over a box. Outside of the region of interest those of g are no numbers; across its border
+        they are infinite where they are not known, as a box that is no number may be left out."""
+        low, high, down, up = (self.out.number(b, at_both) for b in isolation.bounds)
+        if isolation.region is TRUE:
+            return low, high, down, up
+        across, outside = (self.out.truths(c, at_both)[0] for c in (isolation.across, isolation.outside))
+
+        def narrowed(bound: Arg, far: float) -> Arg:
+            known = self.out.assign(at_both, "select", self.out.assign(at_both, "ok", bound), bound, far)
+            return self.out.assign(at_both, "select", outside, NAN, self.out.assign(at_both, "select", across, known, bound))
+
+        return narrowed(low, -math.inf), narrowed(high, math.inf), down, up
 
     def _noise(self, isolation: Isolation, left: str, right: str, at_both: Level) -> Arg:
         """Returns a bound of the effect of rounding on g in the middle of a box."""
@@ -280,11 +297,6 @@ def _slope_beside_poles(isolation: Isolation) -> Expr:
     """Returns the slope of a function, no number where the function is infinite: c - 1/x² at 0 rises on one side and falls on the
     other, which no sign of an infinity tells."""
     g = isolation.g
-    if not any(_has_poles(n) and isolation.var in n.free for n in postorder([g])):
+    if not has_pole(g, isolation.var):
         return isolation.slope
     return where(positive(sub(const(LARGEST), call("magnitude", g))), isolation.slope, const(NAN))
-
-
-def _has_poles(n: Node) -> bool:
-    """Returns whether a function of a finite number may be infinite."""
-    return (isinstance(n, Pow) and n.exponent < 0) or (isinstance(n, Call) and n.name in ("log", "pow", "tan"))
