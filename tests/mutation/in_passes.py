@@ -282,6 +282,11 @@ IN_PASSES: tuple[Mutant, ...] = (
         ("lengths of a long ellipse", "extents = _extents(slopes, boxes)", "extents = [sub(b.hi, b.lo) for b in boxes]"),
     ),
     *mutants(
+        "teg/passes/normalise/partitions.py",
+        ("tests/passes/normalise/test_partitions.py",),
+        ("a row of zeros", "return [add(c, const(-NOTHING)), a, b]", "return [c, a, b]"),
+    ),
+    *mutants(
         "teg/analysis/projection.py",
         ("tests/end_to_end/test_spheres.py",),
         (

@@ -33,6 +33,8 @@ from teg.numerics.cells import MOST_DEGREE, MOST_GUARDS, Layout
 from teg.passes.normalise.piecewise import with_affine_atoms
 
 MOST_PARTS = 16
+NOTHING = 1e-140
+"""What is taken from the form of an open condition: 0 everywhere is below 0 then, and other forms do not feel it. Its square is a number."""
 KEY_DEGREE = 4
 MOST_WRITTEN: dict[type, int] = {Nearest: 24, AnyOf: 256, Product: 256}
 """The longest ranges that are written out."""
@@ -222,7 +224,7 @@ def _alternatives(node: Cond, holds: bool, done: dict[tuple[Node, bool], list[li
 
 
 def _guard(atom: Cond, box: _Box) -> list[Expr]:
-    """Returns the affine form that is >= 0 where an atom holds."""
+    """Returns the affine form that is >= 0 where an atom holds. That of g > 0 is below 0 if g is 0 everywhere, as for a row of zeros."""
     if not atom.free:
         return [where(atom, ONE, MINUS_ONE), ZERO, ZERO]
     negated = isinstance(atom, Not)
@@ -230,7 +232,10 @@ def _guard(atom: Cond, box: _Box) -> list[Expr]:
     g = mul(MINUS_ONE, compare.g) if negated else compare.g
     if _degree(g, box) > 1:
         raise Refused("a condition is not affine in the variables of integration")
-    return _form(g, box)
+    c, a, b = _form(g, box)
+    if compare.strict == negated:
+        return [c, a, b]
+    return [add(c, const(-NOTHING)), a, b]
 
 
 def _key(key: Expr, k: object, box: _Box) -> list[Expr]:

@@ -12,7 +12,7 @@ from teg.ir.node import postorder
 from teg.ir.partition import Partition
 from teg.passes.normalise.partitions import Refused, partitioned
 
-K = teg.index("k")
+K, A = teg.index("k"), teg.array("A", 2)
 V, W = teg.array("V"), teg.array("W")
 OVER = (K, 0, teg.length(V))
 x, y = teg.vars("x y")
@@ -74,3 +74,23 @@ def test_what_is_no_partition_is_refused() -> None:
     curved = teg.integral(teg.nearest(x, V[K], OVER, where=x * y < V[K], otherwise=0), *SQUARE)
     with pytest.raises(Refused, match="not affine"):
         partitioned(curved)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("backend", ["numpy", "c", pytest.param("jax", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("rows", [[[1, 1, 1], [0, 0, 0]], [[0, 0, 0], [1, 1, 1]], [[0, 0, 0]]], ids=["last", "first", "alone"])
+def test_a_row_of_zeros(rows: list[list[float]], backend: str, x64_for_jax: None) -> None:
+    """0 > 0 holds nowhere and 0 >= 0 everywhere: rows that fill a table up. x + y > 1 holds on half of the square."""
+    form, other = A[K, 0] * x + A[K, 1] * y - A[K, 2], 0.5 if len(rows) > 1 else 0.0
+    n = (K, 0, teg.length(A))
+    expected = {
+        teg.bracket(teg.any(form > 0, n)): other,
+        teg.bracket(teg.any(~(form <= 0), n)): other,
+        teg.bracket(teg.any(form >= 0, n)): 1.0,
+        teg.bracket(teg.all(form <= 0, n)): 1.0 - other,
+        teg.bracket(teg.all(form < 0, n)): 0.0,
+        teg.bracket(teg.maximum_of(form, n) > 0): other,
+        teg.nearest(1.0, x, n, where=form > 0, otherwise=0.0): other,
+    }
+    for e, value in expected.items():
+        f = teg.compile(teg.integral(e, (x, 0, 1), (y, 0, 1)), backend=backend)
+        assert f(A=np.asarray(rows, dtype=float)) == pytest.approx(value, abs=1e-14)
