@@ -158,6 +158,26 @@ class SideBySide:
         lines = [f"{self.waits}[{how}][{self.waiting}[{how}]++] = {index};", "continue;"]
         return Later(f"alone && {self.fan}_left ? 0 : {room}, {self.fan}, {self.waiting}", lines)
 
+    def with_empty_ones(self, lines: Sequence[str], hi: str) -> list[str]:
+        """Returns the lines of an iteration without candidates, which also do the next ones as long as eight of them have none: these are
+        done without all that is asked for each iteration."""
+        if any(isinstance(s, Run) for s in self.squares.before):
+            return [*lines]
+        first, *inside, last, end = lines
+        index, cells = self.squares.loop.index, self.squares.cells
+        steps = [s for s in self.squares.before if isinstance(s, READ)]
+        unread = packed(f"(void){name};" for s in steps for name in result_names(s))
+        read = [f"const int64_t {index} = {self.next} + k;", *self.block(steps), *unread]
+        each = f"for (int k = 0; k < {SIDE}; k++) {{"
+        ahead = [
+            "int some = 0;",
+            *[each, *indent(*read, f"some |= {spelled(cells.hi)} > {spelled(cells.lo)};"), "}"],
+            "if (some) break;",
+            *[each, *indent(*read), *inside, "}"],
+            f"{self.next} += {SIDE};",
+        ]
+        return [first, *inside, *indent(f"while ({self.next} + {SIDE} <= {hi}) {{", *indent(*ahead), "}"), last, end]
+
     def _flushed(self, kind: Kind) -> list[str]:
         """Returns lines that compute what waits; what is not good is left. They are made from the last to the first: of what there is in
         lanes only that is kept which is read later."""
