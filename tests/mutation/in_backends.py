@@ -31,7 +31,7 @@ IN_BACKENDS: tuple[Mutant, ...] = (
         "backends/c/runtime/fans.h",
         ("tests/backends/c/test_eights.py",),
         ("a common edge by the farther one", "-1.0 / t->size[i][k] : scale[k]", "-1.0 / t->size[j][k] : scale[k]"),
-        ("the span between two lines", "(turn[k] < 0.0) & (one[k] > first)", "(turn[k] > 0.0) & (one[k] > first)"),
+        ("moments of the upper side", "(upper ? total - j : j)", "j"),
         ("edges without another region", "t->good[k] &= t->matches[i][k] == 1.0;", "t->good[k] &= t->matches[i][k] >= 0.0;"),
     ),
     Mutant(

@@ -55,6 +55,18 @@ def around_vertices(holes: bool = False) -> Mesh:
     return Mesh(places, rng.uniform(0.3, 0.6, len(places)), faces, rng.random((faces.size, 3)), shades, np.ones(faces.shape, bool))
 
 
+def below_long_edges() -> Mesh:
+    """Returns large triangles, along whose lower edges small ones have their corners."""
+    rng = np.random.default_rng(7)
+    corners: list[list[tuple[float, float]]] = []
+    for y in (5.37, 13.61, 21.43):
+        corners.append([(-3.0, y), (12.0, y - 7.0), (27.0, y)])
+        above, below = ([(x, v) for x in np.arange(-4.0, 30.0, 1.3) + shift] for v, shift in ((y, 0.0), (y + 2.6, 0.65)))
+        for k in range(len(above) - 1):
+            corners += [[above[k], above[k + 1], below[k]], [above[k + 1], below[k + 1], below[k]]]
+    return triangles(np.array(corners), np.repeat(rng.uniform(0.3, 0.6, (len(corners), 1)), 3, axis=1))
+
+
 SCENES: dict[str, Callable[[], Mesh]] = {
     "side by side": lambda: (scene := flat())._replace(places=scene.places * 1.5 - 80.3),
     "few": lambda: overlapping(12, SIZE),
@@ -62,6 +74,7 @@ SCENES: dict[str, Callable[[], Mesh]] = {
     "before a wall": before_a_wall,
     "on the grid": on_the_grid,
     "around vertices": around_vertices,
+    "below long edges": below_long_edges,
     "around vertices, with holes": lambda: around_vertices(True),
 }
 
