@@ -34,6 +34,13 @@ class Source(NamedTuple):
     kept: bool
 
 
+class Later(NamedTuple):
+    """How a square waits: what `teg_keep_or_wait` is given, and lines behind it where it waits."""
+
+    place: str
+    lines: list[str]
+
+
 class CellPrinter(ABC):
     """Prints what has to do with cells."""
 
@@ -45,6 +52,7 @@ class CellPrinter(ABC):
         body = list(steps(program.body))
         self._read = {s.table for s in body if isinstance(s, Take)}
         self._combined = [s for s in body if isinstance(s, Combined)]
+        self.later: dict[int, Later] = {}  # by the identities of Cells
 
     @abstractmethod
     def _block(self, block: Sequence[Step], depth: int) -> list[str]:
@@ -89,6 +97,11 @@ class CellPrinter(ABC):
             tables = f"{f'{at}_sizes' if step.sizes else 'NULL'}, {f'{at}_tables' if step.tables else 'NULL'}"
             plain = f"(!teg_envelope(&{self._shape(step)}, {at}_n, {at}_rows, {at}_values, {tables}) && {plain})"
         call = f"teg_keep_cells(&{at}_kept, {numbers}, {at}_tables, {at}_seen)" if kept else plain
+        if kept and (later := self.later.get(id(step))):
+            call = f"{at}_how == 1"
+            asked = f"teg_keep_or_wait(&{at}_kept, {numbers}, {at}_tables, {at}_seen, {later.place})"
+            lines += [f"const int {at}_how = {at}_rows ? {asked} : 1;", f"if ({at}_how > 1) {{"]
+            lines += [*indent(f"if ({at}_rows != {at}_here) free({at}_rows);", *later.lines), "}"]
         lines += [f"if (!{at}_rows || {call}) {{", *indent(f"note |= {NO_MEMORY};", f"teg_fill({at}_values, {count}, NAN);"), "}"]
         lines += packed([f"{r} = {at}_values[{j}]" for j, r in enumerate(step.results)], "const double ", ", ", ";")
         lines += packed([f"{r} = {at}_sizes[{j}]" for j, r in enumerate(step.sizes)], "const double ", ", ", ";") if step.sizes else []

@@ -1,10 +1,11 @@
-"""Iterations with cells of one or two candidates, eight side by side (`runtime/eights.h`).
+"""Iterations with cells of few candidates, eight side by side (`runtime/eights.h`, `runtime/fans.h`).
 
     for each iteration:  with one or two candidates: it waits, with others of as many
+                         with more, of which three to six are seen side by side, perhaps: it waits when these are found
     where eight wait:    integers and entries one by one; flat programs, cells and their derivatives in lanes; what is added, one by one
 
-Squares that are not covered by one candidate or cut in two by one line are given back, and are iterations as others are. Where that happens
-to most, no more wait: `FEW` that wait at the end are not worth it either.
+Squares that are not covered by one candidate, cut in two by one line or shared as around a vertex of a mesh are given back, and are
+iterations as others are. Where that happens to most, no more wait: `FEW` that wait at the end are not worth it either.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
+from teg.backends.c.cells import Later
 from teg.backends.c.frame import Routine
 from teg.backends.c.lanes import SIDE
 from teg.backends.c.text import indent, packed, spelled
@@ -20,6 +22,8 @@ from teg.program.arrays import AddTo, Arg, Cells, Combined, Integers, Load, Loop
 from teg.program.fields import operands, result_names
 from teg.program.vanishing import FLAT, with_zeros
 
+SLOTS = 6
+"""The number of candidates of a square up to which it may be known that they are side by side; `TEG_SLOTS` in C."""
 FEW = 3
 """Iterations that are not worth to be computed side by side, if fewer than these wait at the end."""
 TRIED = 16
@@ -68,6 +72,17 @@ def _is_simple(routine: Routine) -> bool:
     return not (routine.indirect or routine.workspace or routine.context)
 
 
+class Kind(NamedTuple):
+    """What waits: its iterations are `waits`, of which so many are `waiting`; the `last` of its candidates in lanes, of which there is room
+    for `most`. `picked`: whether its candidates are those that were found to be seen (`runtime/fans.h`)."""
+
+    last: str
+    most: int
+    waits: str
+    waiting: str
+    picked: bool
+
+
 class SideBySide:
     """Prints the iterations of a loop with cells; `block` prints steps, `shape` is the name of the shape of its cells."""
 
@@ -75,7 +90,10 @@ class SideBySide:
         self.squares, self.shape, self.block = squares, shape, block
         index = squares.loop.index
         self.next, self.waits, self.waiting, self.again = (f"{index}_{part}" for part in ("next", "waits", "waiting", "again"))
-        self.left, self.good, self.tried = (f"{index}_{part}" for part in ("left", "good", "tried"))
+        self.left, self.good, self.tried, self.fan = (f"{index}_{part}" for part in ("left", "good", "tried", "fan"))
+        self.few = Kind("which", 2, f"{self.waits}[which]", f"{self.waiting}[which]", False)
+        self.picked = Kind("last", SLOTS, f"{self.waits}[which]", f"{self.waiting}[which]", True)
+        self.kind = self.few
         self.each = {index, *squares.cells.results, *(name for s in squares.flat for name in result_names(s))}
         candidates = [squares.cells, *squares.seen]
         self.own = {name for loop in candidates for name in (loop.index, *(n for s in loop.body for n in result_names(s)))}
@@ -84,17 +102,27 @@ class SideBySide:
     def lines(self, lo: str, hi: str, inside: Sequence[str]) -> list[str]:
         """Returns all iterations; `inside` does one of them, with `wait` in its place."""
         index = self.squares.loop.index
-        waiting = f"{self.waiting}[0] + {self.waiting}[1]"
+        waiting, fans = (f"{self.waiting}[{one}] + {self.waiting}[{two}]" for one, two in ((0, 1), (2, 3)))
         return [
-            f"int64_t {self.next} = {lo}, {self.waits}[2][{SIDE}], {self.again}[{SIDE}];",
-            f"int {self.waiting}[2] = {{0, 0}}, {self.left} = 0;",
+            f"int64_t {self.next} = {lo}, {self.waits}[4][{SIDE}], {self.again}[{SIDE}];",
+            f"int {self.waiting}[4] = {{0, 0, 0, 0}}, {self.left} = 0, {self.fan}_left = 0;",
+            f"teg_fans {self.fan}[2];",
             "for (;;) {",
             *indent(
                 f"const int alone = {self.left} > 0;",
                 f"int64_t {index};",
                 f"if (alone) {index} = {self.again}[--{self.left}];",
                 f"else if ({self.waiting}[0] == {SIDE} || {self.waiting}[1] == {SIDE} || ({self.next} >= {hi} && {waiting})) {{",
-                *indent(*self._flushed()),
+                *indent(
+                    f"const int which = {self.waiting}[1] == {SIDE} || ({self.waiting}[0] < {SIDE} && {self.waiting}[1]);",
+                    *self._flushed(self.few),
+                ),
+                f"}} else if ({self.waiting}[2] == {SIDE} || {self.waiting}[3] == {SIDE} || ({self.next} >= {hi} && {fans})) {{",
+                *indent(
+                    f"const int which = {self.waiting}[3] == {SIDE} || ({self.waiting}[2] < {SIDE} && {self.waiting}[3]) ? 3 : 2;",
+                    f"const int last = teg_last_in_fan({self.fan} + which - 2, {self.waiting}[which]);",
+                    *self._flushed(self.picked),
+                ),
                 f"}} else if ({self.next} < {hi}) {index} = {self.next}++;",
                 "else break;",
                 *inside,
@@ -104,54 +132,90 @@ class SideBySide:
 
     def tried_so_far(self) -> str:
         """Returns the declaration of what is counted in a chunk: how many iterations have waited, and how many of these were good."""
-        return f"int64_t {self.tried}[2] = {{0, 0}}, {self.good}[2] = {{0, 0}};"
+        return f"int64_t {self.tried}[4] = {{0, 0, 0, 0}}, {self.good}[4] = {{0, 0, 0, 0}};"
 
     def wait(self) -> list[str]:
         """Returns lines by which an iteration with one or two candidates waits."""
         index, cells = self.squares.loop.index, self.squares.cells
         count = f"{spelled(cells.hi)} - {spelled(cells.lo)}"
         which = f"{index}_which"
-        trusted = f"({self.tried}[{which}] < {TRIED} || 2 * {self.good}[{which}] > {self.tried}[{which}])"
         return [
             f"const int64_t {which} = {count} - 1;",
-            f"if (!alone && {which} >= 0 && {which} < 2 && {trusted}) {{",
+            f"if (!alone && {which} >= 0 && {which} < 2 && {self._trusted(which)}) {{",
             *indent(f"{self.waits}[{which}][{self.waiting}[{which}]++] = {index};", "continue;"),
             "}",
         ]
 
-    def _flushed(self) -> list[str]:
+    def _trusted(self, which: str) -> str:
+        """Returns the condition that most of those that waited were good, as far as is known."""
+        return f"({self.tried}[{which}] < {TRIED} || 2 * {self.good}[{which}] > {self.tried}[{which}])"
+
+    def later(self) -> Later:
+        """Returns how an iteration waits when it is known what may be seen in its square; not twice."""
+        index = self.squares.loop.index
+        room = " | ".join(f"({self.waiting}[{which}] < {SIDE} && {self._trusted(str(which))}) << {which}" for which in (2, 3))
+        how = f"{self.squares.cells.results[0]}_how"
+        lines = [f"{self.waits}[{how}][{self.waiting}[{how}]++] = {index};", "continue;"]
+        return Later(f"alone && {self.fan}_left ? 0 : {room}, {self.fan}, {self.waiting}", lines)
+
+    def with_empty_ones(self, lines: Sequence[str], hi: str) -> list[str]:
+        """Returns the lines of an iteration without candidates, which also do the next ones as long as eight of them have none: these are
+        done without all that is asked for each iteration."""
+        if any(isinstance(s, Run) for s in self.squares.before):
+            return [*lines]
+        first, *inside, last, end = lines
+        index, cells = self.squares.loop.index, self.squares.cells
+        steps = [s for s in self.squares.before if isinstance(s, READ)]
+        unread = packed(f"(void){name};" for s in steps for name in result_names(s))
+        read = [f"const int64_t {index} = {self.next} + k;", *self.block(steps), *unread]
+        each = f"for (int k = 0; k < {SIDE}; k++) {{"
+        ahead = [
+            "int some = 0;",
+            *[each, *indent(*read, f"some |= {spelled(cells.hi)} > {spelled(cells.lo)};"), "}"],
+            "if (some) break;",
+            *[each, *indent(*read), *inside, "}"],
+            f"{self.next} += {SIDE};",
+        ]
+        return [first, *inside, *indent(f"while ({self.next} + {SIDE} <= {hi}) {{", *indent(*ahead), "}"), last, end]
+
+    def _flushed(self, kind: Kind) -> list[str]:
         """Returns lines that compute what waits; what is not good is left. They are made from the last to the first: of what there is in
         lanes only that is kept which is read later."""
         cells, combined, shape = self.squares.cells, self.squares.combined, self.squares.cells.shape
-        wide, bodies, columns = len(cells.values), len(cells.results), shape.columns
-        self.declared = {}
+        wide, bodies, columns = len(cells.values) - kind.picked * shape.forms, len(cells.results), shape.columns
+        self.declared, self.kind = {}, kind
+        kept = f"{self.fan} + which - 2" if kind.picked else "&eight"
         added = self._added()
         computed = [line for loop in reversed(self.squares.seen) for line in self._derivatives(loop)]
         if combined:
-            computed[:0] = [f"teg_pull_eight(&{self.shape}, which + 1, rows, &eight, weights, table);"]
-        computed[:0] = [f"teg_keep_eight(&{self.shape}, which + 1, rows, &eight, values);", *self._flat_programs()]
+            computed[:0] = [f"{self._routine('pull')} rows, {kept}, weights, table);"]
+        computed[:0] = [f"{self._routine('keep')} rows, {kept}, values);", *self._flat_programs()]
         computed[:0] = self._rows()
         computed[:0] = self._programs_before()
         computed[:0] = self._gathered()
         kinds = {kind: [place for place in self.declared.values() if place.startswith(kind[0])] for kind in ("int64_t", "v")}
-        tables = f"double rows[{2 * wide}][{SIDE}], values[{bodies}][{SIDE}]"
-        tables += f", weights[{bodies}][{SIDE}], table[{2 * columns}][{SIDE}];" if combined else ";"
+        tables = f"double rows[{kind.most * wide}][{SIDE}], values[{bodies}][{SIDE}]"
+        tables += f", weights[{bodies}][{SIDE}], table[{kind.most * columns}][{SIDE}];" if combined else ";"
+        good = f"{self.fan}[which - 2].good" if kind.picked else "eight.good"
         return [
-            f"const int which = {self.waiting}[1] == {SIDE} || ({self.waiting}[0] < {SIDE} && {self.waiting}[1]);",
-            f"const int there = {self.waiting}[which];",
+            f"const int there = {kind.waiting};",
             tables,
             *packed(kinds["int64_t"], "int64_t ", ", ", ";"),
             *packed(kinds["v"], "double ", ", ", ";"),
-            "teg_eight eight;",
-            f"if (there < {FEW}) memset(eight.good, 0, sizeof eight.good);",
+            *([] if kind.picked else ["teg_eight eight;"]),
+            f"if (there < {FEW}) memset({good}, 0, sizeof {good});",
             "else {",
             *indent(*computed, f"{self.tried}[which] += there;", *added),
             "}",
             "for (int k = 0; k < there; k++)",
-            f"    if (!eight.good[k]) {self.again}[{self.left}++] = {self.waits}[which][k];",
-            f"{self.waiting}[which] = 0;",
+            f"    if (!{good}[k]) {self.again}[{self.left}++] = {kind.waits}[k];",
+            f"{kind.waiting} = 0, {self.fan}_left = {int(kind.picked)};",
             "continue;",
         ]
+
+    def _routine(self, verb: str) -> str:
+        """Returns the beginning of the call of a routine for eight squares."""
+        return f"teg_{verb}_{'fan' if self.kind.picked else 'eight'}(&{self.shape}, {self.kind.last} + 1,"
 
     def _programs_before(self) -> list[str]:
         """Returns lines that run the flat programs of eight iterations on which their cells depend."""
@@ -186,7 +250,7 @@ class SideBySide:
 
     def _lane(self, name: str) -> str:
         """Returns the place of a name in its lanes: of iterations or, for numbers of candidates, of these."""
-        self.declared.setdefault(name, f"{name}_8[2][{SIDE}]" if name in self.own else f"{name}_8[{SIDE}]")
+        self.declared.setdefault(name, f"{name}_8[{self.kind.most}][{SIDE}]" if name in self.own else f"{name}_8[{SIDE}]")
         return f"{name}_8[c][k]" if name in self.own else f"{name}_8[k]"
 
     def _named(self, read: Sequence[Arg], made: set[str]) -> list[str]:
@@ -196,21 +260,23 @@ class SideBySide:
 
     def _gathered(self) -> list[str]:
         """Returns lines that read integers and entries, one iteration after the other; the last one is repeated."""
-        index = self.squares.loop.index
+        index, kind = self.squares.loop.index, self.kind
         own: list[str] = []
+        candidate = f"({self.fan}[which - 2].pick[c][at] < 0 ? 0 : {self.fan}[which - 2].pick[c][at])" if kind.picked else "c"
         for loop in (self.squares.cells, *self.squares.seen):
             taken = self._taken(loop)
             steps: list[Step] = [s for s in loop.body if isinstance(s, READ) and s not in taken]
-            own += [f"const int64_t {loop.index} = {spelled(loop.lo)} + c;", *self.block(steps), *self._stored(steps)]
+            own += [f"const int64_t {loop.index} = {spelled(loop.lo)} + {candidate};", *self.block(steps), *self._stored(steps)]
         steps = [s for s in self.squares.flat if isinstance(s, READ)]
         return [
             f"for (int k = 0; k < {SIDE}; k++) {{",
             *indent(
-                f"const int64_t {index} = {self.waits}[which][k < there ? k : there - 1];",
+                "const int at = k < there ? k : there - 1;",
+                f"const int64_t {index} = {kind.waits}[at];",
                 *self.block(steps),
                 *self._stored(steps),
                 *([f"{self._lane(index)} = {index};"] if index in self.declared else []),
-                "for (int c = 0; c <= which; c++) {",
+                f"for (int c = 0; c <= {kind.last}; c++) {{",
                 *indent(*own),
                 "}",
             ),
@@ -230,15 +296,15 @@ class SideBySide:
     def _rows(self) -> list[str]:
         """Returns lines that compute the numbers of all candidates."""
         cells = self.squares.cells
+        kept = cells.values[cells.shape.forms if self.kind.picked else 0 :]
         runs = [s for s in cells.body if isinstance(s, Run)]
         made = {name for s in runs for name in result_names(s)}
-        unread = packed(f"(void){name};" for name in made if name not in cells.values)
-        values = [a for a in cells.values if isinstance(a, str) and a not in made]
-        wide = len(cells.values)
-        stored = packed([f"rows[c * {wide} + {j}][k] = {spelled(v)};" for j, v in enumerate(cells.values)])
+        unread = packed(f"(void){name};" for name in made if name not in kept)
+        values = [a for a in kept if isinstance(a, str) and a not in made]
+        stored = packed([f"rows[c * {len(kept)} + {j}][k] = {spelled(v)};" for j, v in enumerate(kept)])
         named = self._named([*(a for s in runs for a in operands(s)), *values], made)
         return [
-            "for (int c = 0; c <= which; c++)",
+            f"for (int c = 0; c <= {self.kind.last}; c++)",
             f"    for (int k = 0; k < {SIDE}; k++) {{",
             *indent(*indent(*named, *self.block(runs), *stored, *unread)),
             "    }",
@@ -254,7 +320,7 @@ class SideBySide:
         given = [f"const double {s.name} = table[c * {columns} + {s.column}][k];" for s in taken]
         results = [name for s in (*taken, *runs) for name in result_names(s)]
         return [
-            "for (int c = 0; c <= which; c++)",
+            f"for (int c = 0; c <= {self.kind.last}; c++)",
             f"    for (int k = 0; k < {SIDE}; k++) {{",
             *indent(
                 *indent(
@@ -272,7 +338,11 @@ class SideBySide:
         loop, after = self.squares.loop, [s for s in self.squares.flat if isinstance(s, ADDED)]
         sums = [f"{r} += {spelled(v)};" for r, v in zip(loop.results, loop.values, strict=True)]
         made = set[str]()
-        lines = ["if (!eight.good[k]) continue;", f"{self.good}[which]++;"]
+        kept = f"{self.fan}[which - 2]" if self.kind.picked else "eight"
+        lines = [f"if (!{kept}.good[k]) continue;", f"{self.good}[which]++;"]
+        unseen, edged = "eight.near[k] != c && eight.owner[k] != c", "eight.near[k] == c"
+        if self.kind.picked:
+            unseen, edged = f"!{kept}.seen[c][k]", f"{kept}.seen[c][k] > 1"
         lines += self._named([*loop.values, *(a for s in after for a in operands(s))], made)
         lines += [*self.block(after), *sums]
         for seen in self.squares.seen:
@@ -280,10 +350,10 @@ class SideBySide:
             forms = {s.name for s in self._taken(seen) if s.column < self.squares.cells.shape.forms}
             plain = [s for s in with_zeros(seen.body, forms) if isinstance(s, ADDED)]
             lines += [
-                "for (int c = 0; c <= which; c++) {",
+                f"for (int c = 0; c <= {self.kind.last}; c++) {{",
                 *indent(
-                    "if (eight.near[k] != c && eight.owner[k] != c) continue;",
-                    "if (eight.near[k] != c) {",
+                    f"if ({unseen}) continue;",
+                    f"if (!({edged})) {{",
                     *indent(*self._named([a for s in plain for a in operands(s)], made), *self.block(plain), "continue;"),
                     "}",
                     *self._named([a for s in added for a in operands(s)], made),

@@ -176,6 +176,9 @@ class IterationPrinter(StepPrinter):
         if step.body and (shorter := self._without_candidates(step, cut, depth, added)):
             side_by_side = self._squares(step, cut, depth)
             waits = side_by_side.wait() if side_by_side else []
+            if side_by_side:
+                self.later[id(step.body[cut])] = side_by_side.later()
+                shorter = side_by_side.with_empty_ones(shorter, hi)
             inside += [*self._block(step.body[:cut], depth), *shorter, *waits, *self._block(step.body[cut:], depth), *added]
             if side_by_side and self.trials is not None:
                 self.trials.append(side_by_side.tried_so_far())

@@ -28,6 +28,20 @@ IN_BACKENDS: tuple[Mutant, ...] = (
         ("tests/backends/c/test_eights.py",),
     ),
     *mutants(
+        "backends/c/runtime/fans.h",
+        ("tests/backends/c/test_eights.py",),
+        ("a common edge by the farther one", "-1.0 / t->size[i][k] : scale[k]", "-1.0 / t->size[j][k] : scale[k]"),
+        ("moments of the upper side", "(upper ? total - j : j)", "j"),
+        ("edges without another region", "t->good[k] &= t->matches[i][k] == 1.0;", "t->good[k] &= t->matches[i][k] >= 0.0;"),
+    ),
+    Mutant(
+        "all of eight without candidates",
+        "backends/c/eights.py",
+        'f"some |= {spelled(cells.hi)}',
+        'f"some = {spelled(cells.hi)}',
+        ("tests/backends/c/test_eights.py",),
+    ),
+    *mutants(
         "backends/c/ranges.py",
         (RANGES,),
         ("a number that falls", "return _sum([args[0], args[1].times(-1.0)])", "return _sum(args)"),

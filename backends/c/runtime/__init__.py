@@ -98,6 +98,8 @@ SOME = 64
 """The number of keys of an interval up to which they are sorted by comparing all of them, side by side."""
 PIECES, LINES = 8, 40
 """The numbers of regions of a square and of lines up to which there are cells with signs."""
+ASLANT = 1e-4
+"""The sine of the angle from which on it is sure where two lines cross, in squares that are computed side by side."""
 CORNERS = 8
 """The number of corners up to which a polygon is a piece, whose corners are computed side by side."""
 
@@ -172,6 +174,7 @@ LIMITS = {
     "TEG_ON_LINE": EPSILON,
     "TEG_KEY_ROUNDING": KEY_ROUNDING,
     "TEG_BESIDE": BESIDE,
+    "TEG_ASLANT": ASLANT,
     "TEG_FEW": FEW,
     "TEG_SOME": SOME,
     "TEG_MARKED": MARKED,
@@ -220,6 +223,7 @@ TOPICS = (
     "cells",
     "envelope",
     "signed",
+    "fans",
     "kept",
     "eights",
 )

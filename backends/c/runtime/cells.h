@@ -397,7 +397,7 @@ typedef struct {
     teg_cell cells[16];
     teg_line lines[48];
     teg_region regions[32];
-    double x[128], y[128], px[16], py[16], qx[16], qy[16], d[16];
+    TEG_ALIGNED double x[128], y[128], px[16], py[16], qx[16], qy[16], d[16];
     int label[128], pl[16], ql[16];
 } teg_room;
 

@@ -171,9 +171,9 @@ static void teg_keep_tables(teg_kept *kept, const double *otherwise, double *val
 }
 
 //: teg_keep_several
-/* `teg_keep_cells` of a square that may have more than one owner. */
+/* `teg_keep_or_wait` of a square that may have more than one owner. */
 TEG_APART int teg_keep_several(teg_kept *kept, const teg_shape *shape, int64_t n, const double *rows, const double *otherwise, double *values,
-    double *moments, unsigned char *seen)
+    double *moments, unsigned char *seen, int may, teg_fans *fans, const int *waiting)
 {
     const teg_shape *const s = TEG_SHAPE(shape);
     const int count = teg_coefficients(s);
@@ -184,6 +184,15 @@ TEG_APART int teg_keep_several(teg_kept *kept, const teg_shape *shape, int64_t n
     teg_begin(&kept->room, s, n, rows);
     kept->state = TEG_CELLS, kept->known = 1, kept->tables = NULL;
     teg_select_on_square(r, n * s->parts);
+    if (may) {
+        const int queue = teg_may_wait(r);
+        if (queue && may >> queue & 1) {
+            teg_waits(r, fans + queue - 2, waiting[queue]);
+            teg_end(r);
+            kept->state = TEG_NO_CELLS;
+            return queue;
+        }
+    }
     if (!r->undefined && !r->failed) {
         if (teg_is_tiled(r, 0, r->region_count)) teg_keep_tables(kept, otherwise, values, moments, seen);
         else if (teg_two_parts(kept, otherwise)) teg_values(r, kept->other, 1, otherwise, values, moments, seen);
@@ -203,21 +212,31 @@ TEG_APART int teg_keep_several(teg_kept *kept, const teg_shape *shape, int64_t n
     return r->failed;
 }
 
-//: teg_keep_cells
+//: teg_keep_or_wait
 /* Values of n candidates, moments of these and of what is outside of all, and which of both are seen: 1 (3 with derivatives by forms).
-   Returns 1 without memory, else 0. */
-static inline int teg_keep_cells(teg_kept *kept, const teg_shape *shape, int64_t n, const double *rows, const double *otherwise, double *values,
-    double *moments, unsigned char *seen)
+   Returns 1 without memory, else 0; or the square waits, and where it does is returned (see `teg_may_wait`). `may`: where there is
+   room, as bits; `waiting`: how many wait there. */
+static inline int teg_keep_or_wait(teg_kept *kept, const teg_shape *shape, int64_t n, const double *rows, const double *otherwise,
+    double *values, double *moments, unsigned char *seen, int may, teg_fans *fans, const int *waiting)
 {
     const teg_shape *const s = TEG_SHAPE(shape);
     const int count = teg_coefficients(s);
     kept->room.r.shape = shape, kept->room.r.n = n;
-    if (n > 1 || (n == 1 && !teg_covers(s, rows))) return teg_keep_several(kept, shape, n, rows, otherwise, values, moments, seen);
+    if (n > 1 || (n == 1 && !teg_covers(s, rows)))
+        return teg_keep_several(kept, shape, n, rows, otherwise, values, moments, seen, n < 3 ? 0 : may, fans, waiting);
     teg_whole(s, n ? rows + teg_forms(s) : otherwise, values, moments);
     seen[0] = 1;
     for (int j = 0; j < count && n; j++) moments[count + j] = 0.0;
     if (n) seen[1] = 0;
     return 0;
+}
+
+//: teg_keep_cells
+/* The same of a square that does not wait. */
+static inline int teg_keep_cells(teg_kept *kept, const teg_shape *shape, int64_t n, const double *rows, const double *otherwise, double *values,
+    double *moments, unsigned char *seen)
+{
+    return teg_keep_or_wait(kept, shape, n, rows, otherwise, values, moments, seen, 0, NULL, NULL);
 }
 
 //: teg_combined

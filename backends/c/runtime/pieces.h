@@ -17,7 +17,7 @@
 //: teg_piece
 /* A convex polygon of n corners, at most TEG_PIECE; `label` of the edge behind each corner: as those of cells. */
 typedef struct {
-    double x[TEG_PIECE], y[TEG_PIECE];
+    TEG_ALIGNED double x[TEG_PIECE], y[TEG_PIECE];
     int label[TEG_PIECE], n;
 } teg_piece;
 

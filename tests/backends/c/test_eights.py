@@ -41,12 +41,41 @@ def on_the_grid() -> Mesh:
     return triangles(np.concatenate([np.moveaxis(c, 2, 0) for c in corners]), np.full((2 * x.size, 3), 0.5))
 
 
+def around_vertices(holes: bool = False) -> Mesh:
+    """Returns a mesh with a vertex in most pixels, whose depths jump nowhere; without some of its triangles, if there are `holes`."""
+    rng = np.random.default_rng(6)
+    count = 19
+    x, y = (a.ravel() * 1.4 - 0.6 for a in np.mgrid[0:count, 0:count])
+    places = np.stack([x, y], axis=1) + rng.uniform(-0.3, 0.3, (count * count, 2))
+    first = (np.arange(count - 1)[:, None] * count + np.arange(count - 1)).ravel()
+    a, b, c, d = first, first + count, first + count + 1, first + 1
+    faces = np.concatenate([np.stack(f, axis=1) for f in ((a, b, c), (a, c, d))])
+    faces = faces[rng.random(len(faces)) < (0.9 if holes else 2.0)]
+    shades = np.arange(faces.size).reshape(-1, 3)
+    return Mesh(places, rng.uniform(0.3, 0.6, len(places)), faces, rng.random((faces.size, 3)), shades, np.ones(faces.shape, bool))
+
+
+def below_long_edges() -> Mesh:
+    """Returns large triangles, along whose lower edges small ones have their corners."""
+    rng = np.random.default_rng(7)
+    corners: list[list[tuple[float, float]]] = []
+    for y in (5.37, 13.61, 21.43):
+        corners.append([(-3.0, y), (12.0, y - 7.0), (27.0, y)])
+        above, below = ([(x, v) for x in np.arange(-4.0, 30.0, 1.3) + shift] for v, shift in ((y, 0.0), (y + 2.6, 0.65)))
+        for k in range(len(above) - 1):
+            corners += [[above[k], above[k + 1], below[k]], [above[k + 1], below[k + 1], below[k]]]
+    return triangles(np.array(corners), np.repeat(rng.uniform(0.3, 0.6, (len(corners), 1)), 3, axis=1))
+
+
 SCENES: dict[str, Callable[[], Mesh]] = {
     "side by side": lambda: (scene := flat())._replace(places=scene.places * 1.5 - 80.3),
     "few": lambda: overlapping(12, SIZE),
     "many": lambda: overlapping(60, SIZE),
     "before a wall": before_a_wall,
     "on the grid": on_the_grid,
+    "around vertices": around_vertices,
+    "below long edges": below_long_edges,
+    "around vertices, with holes": lambda: around_vertices(True),
 }
 
 
@@ -66,6 +95,8 @@ def test_the_text_has_them() -> None:
     text = teg.compile(*loss(), backend="c").source
     assert "teg_keep_eight(" in text
     assert "teg_pull_eight(" in text
+    assert "teg_keep_fan(" in text
+    assert "teg_pull_fan(" in text
 
 
 x, y = teg.vars("x y")
