@@ -14,21 +14,29 @@ from teg.program import Ellipse, Moments
 
 Powers = tuple[int, int]
 LARGEST = sys.float_info.max
-Wanted = tuple[tuple[Powers, ...], tuple[Powers, ...]]
+Along = tuple[int, int, int, int]
+"""The powers of u and v, and of both numbers of w."""
+Wanted = tuple[tuple[Powers, ...], tuple[Along, ...]]
 """The moments of the inside, and those along the arcs."""
 
 
 def wanted(stmt: Ellipse) -> Wanted:
     """Returns the moments of which the results are made, and of the inside those of lower powers."""
     inside = {(a, b) for m in stmt.moments if m.kind != "border" for j, k, _ in m.terms for a in range(j + 1) for b in range(k + 1)}
-    border = {(j, k) for m in stmt.moments if m.kind == "border" for j, k, _ in m.terms}
+    border = {(j, k, *m.axes) for m in stmt.moments if m.kind == "border" for j, k, _ in m.terms}
     return tuple(sorted(inside)), tuple(sorted(border))
 
 
 def function_name(moments: Wanted) -> str:
     """Returns the name of the C function of some moments."""
-    inside, border = (("".join(f"_{j}{k}" for j, k in part)) for part in moments)
+    inside, border = (("".join(f"_{_label(powers)}" for powers in part)) for part in moments)
     return f"teg_in{inside}_on{border}"
+
+
+def _label(powers: Sequence[int]) -> str:
+    """Returns powers as a part of a name."""
+    j, k, *axes = powers
+    return f"{j}{k}w{''.join(map(str, axes))}" if any(axes) else f"{j}{k}"
 
 
 def ellipse(stmt: Ellipse, frame: Frame) -> list[str]:
@@ -109,7 +117,7 @@ class _Routine:
             *(smaller if self.border else []),
             *self._whole("below"),
             *packed(f"const double in_{j}{k} = in[{i}];" for i, (j, k) in enumerate(self.inside) if (j, k) in asked),
-            *packed(f"const double on_{j}{k} = 0.5 / whole * on[{i}];" for i, (j, k) in enumerate(self.border)),
+            *packed(f"const double on_{_label(p)} = 0.5 / {'det' if p[3] % 2 else 'whole'} * on[{i}];" for i, p in enumerate(self.border)),
             *self._leave({"above": "in", "below": "rest", "border": "on"}),
         ]
 
@@ -156,7 +164,7 @@ class _Routine:
             whole = f"whole_{j}{k}"
             if not self.planes:
                 whole = " * ".join([*[self.place[3]] * (j + 1), *[self.place[4]] * (k + 1), repr(1.0 / ((j + 1) * (k + 1)))])
-            moment = {"": "0.0", "whole": whole, "rest": f"({whole} - in_{j}{k})"}.get(place, f"{place}_{j}{k}")
+            moment = {"": "0.0", "whole": whole, "rest": f"({whole} - in_{j}{k})"}.get(place, f"{place}_{_label((j, k, *moments.axes))}")
             terms.append(moment if c == 1.0 else f"{self.scope(c)} * {moment}")
         return f"({' + '.join(terms)})" if place else "0.0"
 
@@ -166,11 +174,11 @@ def _listed(numbers: Iterable[float]) -> str:
 
 
 def moments_function(moments: Wanted) -> str:
-    """Returns the C function of some moments of the part of an ellipse in a box: ∫∫ uʲvᵏ inside, ∮ uʲvᵏ dφ along the arcs."""
+    """Returns the C function of some moments of the part of an ellipse in a box: ∫∫ uʲvᵏ inside, ∮ uʲvᵏpᵐqⁿ dφ along the arcs."""
     inside, border = moments
     degree = max([2 + max(j + k for j, k in inside)] if inside else [0])
-    degree = max([degree, *(j + k for j, k in border)])
-    on = [p for p in border if p != (0, 0)]
+    degree = max([degree, *map(sum, border)])
+    on = [p for p in border if any(p)]
     lines = [
         f"static void {function_name(moments)}(const teg_ellipse *e, const double *inverse, double *in, double *on)",
         "{",
@@ -179,16 +187,16 @@ def moments_function(moments: Wanted) -> str:
             *([] if inside else ["(void)in;"]),
             *([] if border else ["(void)on;"]),
             *packed(f"double in_{j}{k} = 0.0;" for j, k in inside),
-            *packed(f"double on_{j}{k} = 0.0;" for j, k in border),
+            *packed(f"double on_{_label(p)} = 0.0;" for p in border),
             "for (int i = 0; i < e->arcs; i++) {",
             *indent(
                 "teg_arc arc = e->arc[i];",
-                *(["on_00 += arc.angle;"] if (0, 0) in border else []),
+                *(["on_00 += arc.angle;"] if (0, 0, 0, 0) in border else []),
                 *(_along(inside, on, degree) if inside or on else []),
             ),
             "}",
             *(_chords(inside) if inside else []),
-            *packed(f"on[{i}] = e->sign * on_{j}{k};" for i, (j, k) in enumerate(border)),
+            *packed(f"on[{i}] = e->sign * on_{_label(p)};" for i, p in enumerate(border)),
         ),
         "}",
     ]
@@ -200,14 +208,15 @@ def _rule(n: int) -> str:
     return f"static const double rule_{n}[{2 * n}] = {{{_listed((*nodes, *weights))}}};"
 
 
-def _along(inside: Sequence[Powers], on: Sequence[Powers], degree: int) -> list[str]:
+def _along(inside: Sequence[Powers], on: Sequence[Along], degree: int) -> list[str]:
     """Returns the lines that add what the nodes on an arc give."""
-    names = [f"in_{j}{k}" for j, k in inside] + [f"on_{j}{k}" for j, k in on]
-    values = [_monomial("turning", "x", "y", p) for p in inside] + [_monomial("weight", "u", "v", p) for p in on]
+    names = [f"in_{_label(p)}" for p in inside] + [f"on_{_label(p)}" for p in on]
+    values = [_monomial("turning", "xy", p) for p in inside] + [_monomial("weight", "uvpq", p) for p in on]
+    seen = any(any(p[2:]) for p in on)
     turning = "weight * (x * at[3 * n + k] - y * at[2 * n + k])"
     per_node = [
         "const double weight = at[4 * n + k];",
-        *_coordinates(on, "e->from_u + at[k]", "e->from_v + at[n + k]"),
+        *_coordinates(on, "e->from_u + at[k]", "e->from_v + at[n + k]", "at[5 * n + k]", "at[6 * n + k]"),
         *(["const double x = at[k] - e->u, y = at[n + k] - e->v;"] if inside else []),
         *([f"const double turning = {turning};"] if inside else []),
         *(f"term[{m}][k - first] = {value};" for m, value in enumerate(values)),
@@ -217,11 +226,11 @@ def _along(inside: Sequence[Powers], on: Sequence[Powers], degree: int) -> list[
         f"const int parts = n == {FEW} ? 1 : 1 + (int)(arc.angle * {1.0 / longest_arc(MANY, degree)!r});",
         "for (int part = 0; part < parts; part++) {",
         *indent(
-            f"double at[{5 * MANY}], term[{len(names)}][8];",
+            f"double at[{(7 if seen else 5) * MANY}], term[{len(names)}][8];",
             f"if (n == {FEW}) {{",
-            f"    teg_nodes_on_arc({FEW}, rule_{FEW}, inverse, &arc, arc.angle, at);",
+            f"    teg_nodes_on_arc({FEW}, rule_{FEW}, inverse, &arc, arc.angle, {int(seen)}, at);",
             "} else {",
-            f"    teg_nodes_on_arc({MANY}, rule_{MANY}, inverse, &arc, arc.angle / parts, at);",
+            f"    teg_nodes_on_arc({MANY}, rule_{MANY}, inverse, &arc, arc.angle / parts, {int(seen)}, at);",
             "}",
             "for (int first = 0; first < n; first += 8) {",
             *indent("for (int k = first; k < first + 8; k++) {", *indent(*per_node), "}"),
@@ -232,14 +241,13 @@ def _along(inside: Sequence[Powers], on: Sequence[Powers], degree: int) -> list[
     ]
 
 
-def _monomial(factor: str, x: str, y: str, powers: Powers) -> str:
-    return " * ".join([factor, *[x] * powers[0], *[y] * powers[1]])
+def _monomial(factor: str, names: str, powers: Sequence[int]) -> str:
+    return " * ".join([factor, *(name for name, power in zip(names, powers, strict=True) for _ in range(power))])
 
 
-def _coordinates(powers: Sequence[Powers], u: str, v: str) -> list[str]:
+def _coordinates(powers: Sequence[Sequence[int]], *places: str) -> list[str]:
     """Returns declarations of the coordinates that are in monomials."""
-    named = (f"const double {name} = {at};" for i, (name, at) in enumerate((("u", u), ("v", v))) if any(p[i] for p in powers))
-    return list(named)
+    return [f"const double {name} = {at};" for i, (name, at) in enumerate(zip("uvpq", places, strict=False)) if any(p[i] for p in powers)]
 
 
 def _chords(inside: Sequence[Powers]) -> list[str]:
@@ -249,7 +257,7 @@ def _chords(inside: Sequence[Powers]) -> list[str]:
     for x, w in zip(nodes, weights, strict=True):
         lines = [
             *_coordinates(inside, *(f"{0.5 * (1.0 - x)!r} * {start} + {0.5 * (1.0 + x)!r} * {end}" for start, end in ("ps", "qt"))),
-            *(f"in_{j}{k} += {_monomial(f'{0.5 * w!r} * across', 'u', 'v', (j, k))};" for j, k in inside),
+            *(f"in_{j}{k} += {_monomial(f'{0.5 * w!r} * across', 'uv', (j, k))};" for j, k in inside),
         ]
         steps += ["{", *indent(*lines), "}"] if len(inside) > 1 else ["in_00 += across;"]
     moved = []

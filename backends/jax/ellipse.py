@@ -11,8 +11,7 @@ from teg.backends.jax import entries
 from teg.backends.jax.corners import Cut
 from teg.backends.jax.polygon import Plane, clip, meets
 from teg.backends.jax.runtime import Scalar
-from teg.backends.shared.ellipses import box_domain, corners_of_box, polygon_domain, totals
-from teg.backends.shared.moments import Kind
+from teg.backends.shared.ellipses import Kind, box_domain, corners_of_box, polygon_domain, totals
 
 
 class Polygon(NamedTuple):

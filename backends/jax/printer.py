@@ -251,7 +251,7 @@ def _moments(stmt: Hyperbola, note: str) -> list[str]:
 
 def _ellipse(stmt: Ellipse) -> str:
     """The call of the moments of an ellipse."""
-    kinds = inside(repr((m.kind, tuple((j, k) for j, k, _ in m.terms))) for m in stmt.moments)
+    kinds = inside(repr((m.kind, tuple((j, k) for j, k, _ in m.terms), m.axes)) for m in stmt.moments)
     coefficients = inside(f"({inside(_text(c) for _, _, c in m.terms)})" for m in stmt.moments)
     numbers = (f"({inside(map(_text, part))})" for part in (stmt.matrix, stmt.place))
     arguments = [*numbers, f"({kinds})", f"({coefficients})"]

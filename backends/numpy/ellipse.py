@@ -17,8 +17,7 @@ import numpy.typing as npt
 
 from teg.backends.numpy.lanes import Run, Value, gather, on_lanes
 from teg.backends.numpy.polygon import clipped, meets
-from teg.backends.shared.ellipses import Domain, box_domain, certain, corners_of_box, on_crossed, on_one_side, oriented, polygon_domain
-from teg.backends.shared.moments import Kind
+from teg.backends.shared.ellipses import Domain, Kind, box_domain, certain, corners_of_box, on_crossed, on_one_side, polygon_domain
 
 Array = npt.NDArray[Any]
 WIDTH = 600
@@ -66,7 +65,7 @@ class EllipseMoments:
     def _on(self, given: Sequence[Array], corners: Array | None) -> Array:
         """Returns (results, lanes), on boxes or on polygons with corners (2, rows, lanes)."""
         first = 10 + 3 * len(self.closed)
-        matrix, place, planes, coefficients = oriented(np, given[:4]), given[4:10], given[10:first], given[first:]
+        matrix, place, planes, coefficients = given[:4], given[4:10], given[10:first], given[first:]
         inside, beside = certain(np, matrix, place)
         found = np.zeros((len(self.kinds), inside.size))
 
@@ -91,7 +90,7 @@ class EllipseMoments:
     def _by_result(self, coefficients: Sequence[Array], lanes: Array) -> list[Sequence[Array]]:
         parts: list[Sequence[Array]] = []
         first = 0
-        for _, powers in self.kinds:
+        for _, powers, _ in self.kinds:
             parts.append([value[lanes] for value in coefficients[first : first + len(powers)]])
             first += len(powers)
         return parts

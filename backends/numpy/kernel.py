@@ -253,7 +253,7 @@ class _Printer:
             case Hyperbola():
                 self.hyperbola(number, stmt)
             case Ellipse():
-                kinds = inside(repr((m.kind, tuple((j, k) for j, k, _ in m.terms))) for m in stmt.moments)
+                kinds = inside(repr((m.kind, tuple((j, k) for j, k, _ in m.terms), m.axes)) for m in stmt.moments)
                 self.lines += [
                     "",
                     "",

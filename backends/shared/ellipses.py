@@ -22,11 +22,13 @@ from typing import Any
 
 import numpy as np
 
-from teg.backends.shared.moments import Kind, Powers
+from teg.backends.shared.moments import Powers
 from teg.numerics.arcs import MANY, parts_of_a_circle
 from teg.numerics.quadrature import gauss_legendre
 from teg.program import CLOSE_ENDS, TANGENT
 
+Kind = tuple[str, tuple[Powers, ...], Powers]
+"""The kind of a result, the powers of u and v in its terms, and the powers of both numbers of w."""
 Point = tuple[Any, Any]
 Plane = tuple[Any, Any, Any]
 """a, b and c of c + a·u + b·v > 0."""
@@ -65,11 +67,11 @@ class EllipseMoments:
         self.around = self._is_around(u, v, [*sides, *planes])
         self._sides(corners[0] - self.origin[0], corners[1] - self.origin[1])
         self._arcs()
-        self._known: dict[int, tuple[Point, Point, Any]] = {}
-        inside = sorted({p for kind, powers in kinds if kind != "border" for p in powers})
-        border = sorted({p for kind, powers in kinds if kind == "border" for p in powers})
+        self._known: dict[int, tuple[Point, Point, Point, Any]] = {}
+        inside = sorted({p for kind, powers, _ in kinds if kind != "border" for p in powers})
+        border = sorted({(axes, p) for kind, powers, axes in kinds if kind == "border" for p in powers})
         self.inside: dict[Powers, Any] = self._within(inside) if inside else {}
-        self.border: dict[Powers, Any] = self._along(border) if border else {}
+        self.border: dict[tuple[Powers, Powers], Any] = self._along(border) if border else {}
 
     def _is_around(self, u: Any, v: Any, planes: Sequence[Plane]) -> Any:
         """Returns whether the disk is inside of all lines, or touches them to rounding."""
@@ -161,14 +163,14 @@ class EllipseMoments:
         u, v, p, q, self.angle = (np.take_along_axis(x, order, 0) for x in (*self.begin, *self.heading, self.angle))
         self.begin, self.heading = (u, v), (p, q)
 
-    def _nodes(self, degree: int) -> tuple[Point, Point, Any]:
-        """Returns places on all arcs, derivatives by the angle, and weights; the nodes are the second axis."""
+    def _nodes(self, degree: int) -> tuple[Point, Point, Point, Any]:
+        """Returns places (u, v) on all arcs, derivatives by the angle, the same places w, and weights; the nodes are the second axis."""
         count = parts_of_a_circle(degree)
         if count not in self._known:
             self._known[count] = self._nodes_in(count)
         return self._known[count]
 
-    def _nodes_in(self, count: int) -> tuple[Point, Point, Any]:
+    def _nodes_in(self, count: int) -> tuple[Point, Point, Point, Any]:
         """The same, for arcs in so many parts."""
         xp, (nodes, weights) = self.xp, gauss_legendre(MANY)
         begin_u, begin_v, p, q, angle = (part[:, None] for part in (*self.begin, *self.heading, self.angle))
@@ -180,17 +182,22 @@ class EllipseMoments:
         rise, run = -2.0 * sine * sine, 2.0 * sine * cosine  # cos α - 1 and sin α of the angle α from the begin
         u, v = self._placed(rise * p - run * q, rise * q + run * p)
         du, dv = self._placed(-run * p - (1.0 + rise) * q, -run * q + (1.0 + rise) * p)
-        return (begin_u + u, begin_v + v), (du, dv), weigh
+        seen = p + (rise * p - run * q), q + (rise * q + run * p)
+        return (begin_u + u, begin_v + v), (du, dv), seen, weigh
 
-    def _along(self, wanted: Sequence[Powers]) -> dict[Powers, Any]:
-        """Returns ½/det A·∮ uʲvᵏ dφ."""
+    def _along(self, wanted: Sequence[tuple[Powers, Powers]]) -> dict[tuple[Powers, Powers], Any]:
+        """Returns ½/det A·∮ pᵐqⁿuʲvᵏ dφ for ((m, n), (j, k))."""
         a, b, c, d = self.matrix
         scale = self.sign * (0.5 / (a * d - b * c))
-        if wanted == [(0, 0)]:
-            return {(0, 0): scale * self.xp.sum(self.angle, axis=0)}
-        (u, v), _, weights = self._nodes(max(j + k for j, k in wanted))
-        found = _moments(weights, u + self.origin[0], v + self.origin[1], wanted)
-        return {powers: scale * self.xp.sum(values, axis=(0, 1)) for powers, values in found.items()}
+        if wanted == [((0, 0), (0, 0))]:
+            return {wanted[0]: scale * self.xp.sum(self.angle, axis=0)}
+        (u, v), _, seen, weights = self._nodes(max(sum(axes) + sum(powers) for axes, powers in wanted))
+        u, v = u + self.origin[0], v + self.origin[1]
+        found: dict[tuple[Powers, Powers], Any] = {}
+        for axes, factor in _moments(weights, *seen, sorted({axes for axes, _ in wanted})).items():
+            for powers, values in _moments(factor, u, v, [powers for other, powers in wanted if other == axes]).items():
+                found[axes, powers] = scale * self.xp.sum(values, axis=(0, 1))
+        return found
 
     def _within(self, wanted: Sequence[Powers]) -> dict[Powers, Any]:
         """Returns ∫∫ uʲvᵏ, from its like about a point inside."""
@@ -200,7 +207,7 @@ class EllipseMoments:
         for first, last, centre in zip(self.start, self.stop, self.centre, strict=True):
             at.append(xp.where(self.whole, centre, xp.sum(xp.where(self.chord, first + last, 0.0), axis=0) / count))
         lower = lower_powers(wanted)
-        (u, v), (du, dv), weights = self._nodes(degree + 2)
+        (u, v), (du, dv), _, weights = self._nodes(degree + 2)
         u, v = u - at[0], v - at[1]
         about = {p: xp.sum(values, axis=(0, 1)) for p, values in _moments(weights * (u * dv - v * du), u, v, lower).items()}
         for powers, chords in _along_chords(xp, self.start, self.stop, at, self.chord, lower).items():
@@ -243,13 +250,13 @@ def _moved(about: dict[Powers, Any], at: Point, wanted: Sequence[Powers]) -> dic
 
 def moments_of_box(width: Any, height: Any, kinds: Sequence[Kind]) -> dict[Powers, Any]:
     """Returns ∫∫ uʲvᵏ over a box, for results of insides."""
-    wanted = {p for kind, powers in kinds if kind != "border" for p in powers}
+    wanted = {p for kind, powers, _ in kinds if kind != "border" for p in powers}
     return {(j, k): width ** (j + 1) * height ** (k + 1) / ((j + 1) * (k + 1)) for j, k in sorted(wanted)}
 
 
 def moments_of_polygon(xp: Any, corners: Point, sign: Any, kinds: Sequence[Kind]) -> dict[Powers, Any]:
     """Returns ∫∫ uʲvᵏ over a polygon, for results of insides."""
-    wanted = sorted({p for kind, powers in kinds if kind != "border" for p in powers})
+    wanted = sorted({p for kind, powers, _ in kinds if kind != "border" for p in powers})
     if not wanted:
         return {}
     at = [xp.mean(x, axis=0) for x in corners]
@@ -271,16 +278,16 @@ def _moments(factor: Any, u: Any, v: Any, wanted: Sequence[Powers]) -> dict[Powe
     return found
 
 
-def oriented(xp: Any, matrix: Sequence[Any]) -> tuple[Any, ...]:
-    """Returns a matrix A with a determinant that is not negative, and the same |Aw|."""
+def oriented(xp: Any, matrix: Sequence[Any]) -> tuple[tuple[Any, ...], Any]:
+    """Returns a matrix A with a determinant that is not negative, and the same |Aw|; and by which number its second row is multiplied."""
     a, b, c, d = matrix
     turn = xp.where(a * d - b * c < 0.0, -1.0, 1.0)
-    return a, b, turn * c, turn * d
+    return (a, b, turn * c, turn * d), turn
 
 
 def certain(xp: Any, matrix: Sequence[Any], given: Sequence[Any]) -> tuple[Any, Any]:
     """Returns whether the ellipse of a place has all of the box inside, and whether its disk is beside the box, beyond one side of it."""
-    a, b, c, d = matrix
+    (a, b, c, d), _ = oriented(xp, matrix)
     u, v, radius, width, height, least = given
     least_u, most_u, least_v, most_v = (f(extent, 0.0) for extent in (width, height) for f in (xp.minimum, xp.maximum))
     inside = (radius >= least) & xp.isfinite(abs(u) + abs(v) + abs(width) + abs(height))
@@ -299,7 +306,7 @@ def on_one_side(
 ) -> list[Any]:
     """Returns the results on polygons with the moments `whole` that are all inside the ellipse, or all outside, of the shape of `like`."""
     results = []
-    for (kind, powers), factors in zip(kinds, coefficients, strict=True):
+    for (kind, powers, _), factors in zip(kinds, coefficients, strict=True):
         total = xp.zeros_like(like)
         if (kind == "above") == inside and kind != "border":
             for p, factor in zip(powers, factors, strict=True):
@@ -332,8 +339,9 @@ def polygon_domain(xp: Any, place: Sequence[Any], kinds: Sequence[Kind], corners
 def on_crossed(
     xp: Any, matrix: Sequence[Any], given: Sequence[Any], kinds: Sequence[Kind], coefficients: Sequence[Sequence[Any]], domain: Domain
 ) -> list[Any]:
-    """Returns the results on domains that the ellipse may cross; `matrix` is `oriented`."""
+    """Returns the results on domains that the ellipse may cross."""
     u, v, radius, width, height, least = given
+    matrix, turn = oriented(xp, matrix)
     inside, border = ([k for k in kinds if (k[0] == "border") == wanted] for wanted in (False, True))
     place = domain.corners, domain.planes
     if xp is np and not np.any(radius < least):
@@ -343,12 +351,12 @@ def on_crossed(
         borders = EllipseMoments(xp, matrix, (u, v, xp.maximum(radius, least), width, height), border, *place)
     known = xp.isfinite(sum(abs(v) for v in given)) & (matrix[0] * matrix[3] - matrix[1] * matrix[2] > 0.0)
     results = []
-    for (kind, powers), factors in zip(kinds, coefficients, strict=True):
+    for (kind, powers, axes), factors in zip(kinds, coefficients, strict=True):
         total: Any = 0.0
         for p, factor in zip(powers, factors, strict=True):
-            moment = borders.border[p] if kind == "border" else moments.inside[p]
+            moment = borders.border[axes, p] if kind == "border" else moments.inside[p]
             total = total + factor * (domain.whole[p] - moment if kind == "below" else moment)
-        results.append(xp.where(known, total, xp.nan))
+        results.append(xp.where(known, turn * total if axes[1] % 2 else total, xp.nan))
     return results
 
 
@@ -356,7 +364,6 @@ def totals(
     xp: Any, matrix: Sequence[Any], given: Sequence[Any], kinds: Sequence[Kind], coefficients: Sequence[Sequence[Any]], domain: Domain
 ) -> list[Any]:
     """Returns the results of an `Ellipse` on any domains; `coefficients` has those of each result."""
-    matrix = oriented(xp, matrix)
     holds, beside = certain(xp, matrix, given)
     apart = (on_one_side(xp, domain.whole, kinds, coefficients, inside, given[3]) for inside in (True, False))
     crossed = on_crossed(xp, matrix, given, kinds, coefficients, domain)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import factorial
+from math import factorial, prod
 from typing import cast
 
 from teg.analysis.calculus import slope
@@ -15,8 +15,8 @@ from teg.analysis.tails import is_unbounded
 from teg.errors import NotDifferentiableError
 from teg.ir.expr import TRUE, ZERO, Add, Expr, Mul, Var, const
 from teg.ir.integral import Integral, masses_of
-from teg.ir.simplify import add, integer_power, mul, nonzero_part, where
-from teg.ir.traverse import substitute
+from teg.ir.simplify import add, div, integer_power, mul, nonzero_part, where
+from teg.ir.traverse import fresh, replace_node, substitute
 
 Coefficients = dict[tuple[int, int], Expr]
 """The coefficients of xʲyᵏ about the corner of both lower bounds of a box, x being the inner variable."""
@@ -56,23 +56,53 @@ def coefficients(e: Expr, chain: Chain, scaled: bool = False) -> Coefficients | 
     x, y = inner.var, outer.var
     if e.has_integral or e.has_delta or any(atoms_of(e, v) for v in (x, y)):
         return None
-    poly = Shadow((x, y)).polynomial(e)
+    width, height = distance(inner.lo, inner.hi), distance(outer.lo, outer.hi)
+    found = _taylor(e, {x: inner.lo, y: outer.lo})
+    if found is None or not scaled:
+        return cast("Coefficients | None", found)
+    return {(j, k): mul(c, integer_power(width, j), integer_power(height, k)) for (j, k), c in found.items()}
+
+
+def coefficients_along(e: Expr, chain: Chain, bases: Sequence[Expr]) -> dict[tuple[int, int, int, int], Expr] | None:
+    """Returns the coefficients of xʲyᵏpᵐqⁿ in a polynomial, p and q being affine `bases` as they stand in it; None if it is none."""
+    outer, inner = chain
+    x, y = inner.var, outer.var
+    if e.has_integral or e.has_delta or any(atoms_of(e, v) for v in (x, y)):
+        return None
+    p = fresh("p", e.free)
+    q = fresh("q", {*e.free, p})
+    written: dict[Expr, Expr] = {}
+    for base, name in zip(bases, (p, q), strict=True):
+        factors = cast("Sequence[Expr]", base.children) if isinstance(base, Mul) else (base,)
+        moving = [f for f in factors if f.free & {x, y}]
+        if len(moving) == 1:
+            written[moving[0]] = div(name, mul(*(f for f in factors if f is not moving[0])))
+    for node in sorted(written, key=lambda node: isinstance(node, Var)):  # a variable may be in the other one
+        e = cast(Expr, replace_node(e, node, written[node]))
+    return cast("dict[tuple[int, int, int, int], Expr] | None", _taylor(e, {x: inner.lo, y: outer.lo, p: ZERO, q: ZERO}))
+
+
+def _taylor(e: Expr, place: dict[Var, Expr]) -> dict[tuple[int, ...], Expr] | None:
+    """Returns the coefficients of a polynomial about a place that are not known to be 0; None if it is none."""
+    variables = tuple(place)
+    poly = Shadow(variables).polynomial(e)
     if poly is None:
         return None
-    found: Coefficients = {}
-    corner: dict[Var, Expr] = {x: inner.lo, y: outer.lo}
-    width, height = distance(inner.lo, inner.hi), distance(outer.lo, outer.hi)
+    found: dict[tuple[int, ...], Expr] = {}
+
+    def expand(e: Expr, powers: tuple[int, ...], monomials: Sequence[tuple[int, ...]]) -> None:
+        i = len(powers)
+        if i == len(variables):
+            value = mul(const(1.0 / prod(map(factorial, powers))), cast(Expr, substitute(e, place)))
+            if value is not ZERO:
+                found[powers] = value
+            return
+        for k in range(max((m[i] for m in monomials), default=-1) + 1):
+            expand(e, (*powers, k), [m for m in monomials if m[i] >= k])
+            e = slope(e, variables[i])
+
     try:
-        for j in range(max((m[0] for m in poly), default=-1) + 1):
-            along = e
-            for k in range(max(m[1] for m in poly) + 1):
-                extents = (integer_power(width, j), integer_power(height, k)) if scaled else ()
-                scale = mul(const(1.0 / (factorial(j) * factorial(k))), *extents)
-                value = mul(scale, cast(Expr, substitute(along, corner)))
-                if value is not ZERO and any(j <= m and k <= n for m, n in poly):
-                    found[j, k] = value
-                along = slope(along, y)
-            e = slope(e, x)
+        expand(e, (), list(poly))
     except NotDifferentiableError:
         return None
     return found

@@ -386,10 +386,14 @@ class Segment:
 
 @dataclass(frozen=True, slots=True)
 class Moments:
-    """Σ c·∫∫ uʲvᵏ w du dv over (j, k, c), with the weight w by its kind: "above", [g > 0], "below", [g <= 0], or "border", δ(g)."""
+    """Σ c·∫∫ uʲvᵏ w du dv over (j, k, c), with the weight w by its kind: "above", [g > 0], "below", [g <= 0], or "border", δ(g).
+
+    With `axes` (m, n), which a border of an `Ellipse` may have, the weight is pᵐqⁿ·δ(g), (p, q) = A·((u, v) - c).
+    """
 
     kind: str
     terms: Annotated[tuple[tuple[int, int, Arg], ...], NUMBER]
+    axes: tuple[int, int] = (0, 0)
 
 
 @dataclass(frozen=True, slots=True)

@@ -289,6 +289,7 @@ class _Flat(_Verifier):
     def _ellipse(self, stmt: Ellipse) -> None:
         self.check(len(stmt.matrix) == 4, f"{len(stmt.matrix)} numbers of the matrix of an ellipse", stmt)
         self.check(len(stmt.place) == 6, f"{len(stmt.place)} numbers of the place of an ellipse", stmt)
+        self.check(all(m.axes == (0, 0) for m in stmt.moments if m.kind != "border"), "powers along axes inside of an ellipse", stmt)
         self.check(len(stmt.half_planes) <= MAX_CUTS, f"{len(stmt.half_planes)} half-planes beside an ellipse", stmt)
         kinds = {m.kind for m in stmt.moments}
         self.check(kinds <= {"above", "below", "border"}, f"moments of the kinds {kinds}", stmt)

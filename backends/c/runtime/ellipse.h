@@ -236,9 +236,9 @@ static inline double teg_total(const double *x)
 }
 
 //: teg_nodes_on_arc
-/* Nodes on an arc, in eights: u and v, the derivatives by the angle, and weights; the arc begins where this one ends. b is the inverse of
-   A, `node` has the nodes and, from n on, the weights of the rule. */
-static inline void teg_nodes_on_arc(int n, const double *node, const double *b, teg_arc *arc, double angle, double *x)
+/* Nodes on an arc, in eights: u and v, the derivatives by the angle, weights, and if `seen` both numbers of w; the arc begins where this
+   one ends. b is the inverse of A, `node` has the nodes and, from n on, the weights of the rule. */
+static inline void teg_nodes_on_arc(int n, const double *node, const double *b, teg_arc *arc, double angle, int seen, double *x)
 {
     double turned[17], sine[17], rise[17];
     const double half = 0.5 * angle;
@@ -256,6 +256,10 @@ static inline void teg_nodes_on_arc(int n, const double *node, const double *b, 
         x[2 * n + i] = (1.0 + rise[i]) * along_u - sine[i] * away_u;
         x[3 * n + i] = (1.0 + rise[i]) * along_v - sine[i] * away_v;
         x[4 * n + i] = half * node[n + i];
+        if (seen) {
+            x[5 * n + i] = mp + (rise[i] * mp - sine[i] * mq);
+            x[6 * n + i] = mq + (rise[i] * mq + sine[i] * mp);
+        }
     }
     const double over_2 = r * mp - s * mq, up_2 = r * mq + s * mp;
     arc->u = u + b[0] * over_2 + b[1] * up_2;

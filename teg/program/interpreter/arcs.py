@@ -46,11 +46,11 @@ def ellipse(machine: Machine, stmt: Ellipse) -> list[float]:
     for wanted in stmt.moments:
         total = 0.0
         for j, k, factor in wanted.terms:
-            moment = borders.border(j, k) if wanted.kind == "border" else curve.inside(j, k)
+            moment = borders.border(j, k, wanted.axes) if wanted.kind == "border" else curve.inside(j, k)
             if wanted.kind == "below":
                 moment = domain.moment(j, k) - moment
             total += machine.number(factor) * moment
-        results.append(total)
+        results.append(total * turn if wanted.axes[1] % 2 else total)
     return results
 
 
@@ -192,8 +192,8 @@ class _Curve:
             arcs[min(behind)[1]] = w, place, CIRCLE - angle
         return arcs
 
-    def _nodes(self, degree: int) -> list[tuple[float, float, float, float, float]]:
-        """Returns nodes u, v on the arcs, the derivatives by the angle, and weights."""
+    def _nodes(self, degree: int) -> list[tuple[float, float, float, float, complex, float]]:
+        """Returns nodes u, v on the arcs, the derivatives by the angle, the nodes w, and weights."""
         found = []
         parts, rule = parts_of_a_circle(degree), gauss_legendre(MANY)
         for w, (u, v), angle in self.arcs:
@@ -202,13 +202,17 @@ class _Curve:
                     turned = angle * (2 * part + 1 + x) / (2 * parts)
                     du, dv = self._placed(w * complex(-2.0 * math.sin(0.5 * turned) ** 2, math.sin(turned)))
                     slope_u, slope_v = self._placed(w * complex(-math.sin(turned), math.cos(turned)))
-                    found.append((u + du, v + dv, slope_u, slope_v, weight * angle / (2 * parts)))
+                    at = w * complex(math.cos(turned), math.sin(turned))
+                    found.append((u + du, v + dv, slope_u, slope_v, at, weight * angle / (2 * parts)))
         return found
 
-    def border(self, j: int, k: int) -> float:
-        """Returns ∫∫ uʲvᵏ δ(g)."""
-        (a, b, c, d), (o, p) = self.matrix, self.origin
-        return 0.5 * self.sign / (a * d - b * c) * sum(weight * (u + o) ** j * (v + p) ** k for u, v, _, _, weight in self._nodes(j + k))
+    def border(self, j: int, k: int, axes: tuple[int, int]) -> float:
+        """Returns ∫∫ uʲvᵏpᵐqⁿ δ(g), (p, q) = w; `axes` is (m, n)."""
+        (a, b, c, d), (o, p), (m, n) = self.matrix, self.origin, axes
+        total = 0.0
+        for u, v, _, _, w, weight in self._nodes(j + k + m + n):
+            total += weight * (u + o) ** j * (v + p) ** k * w.real**m * w.imag**n
+        return 0.5 * self.sign / (a * d - b * c) * total
 
     def inside(self, j: int, k: int) -> float:
         """Returns ∫∫ [g > 0] uʲvᵏ, from its like about a point inside."""
@@ -217,7 +221,7 @@ class _Curve:
 
         def along(m: int, n: int, at: tuple[float, float]) -> float:
             total = _along_chords(self.chords, at, m, n)
-            for u, v, du, dv, weight in self._nodes(j + k + 2):
+            for u, v, du, dv, _, weight in self._nodes(j + k + 2):
                 x, y = u - at[0], v - at[1]
                 total += weight * (x * dv - y * du) * x**m * y**n
             return total

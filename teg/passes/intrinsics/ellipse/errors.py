@@ -9,6 +9,8 @@ from teg.program import Arg, Ellipse, HalfPlane, Moments, Stmt
 
 STEP = 2.0**-42
 """How far an ellipse is moved at least, relative to its size: far enough that the roundings of the moments themselves do not count."""
+Key = tuple[str, tuple[int, int], int, int]
+"""The kind of a moment, the powers along the axes, and those of u and v."""
 BEYOND = 4.0
 """How far it is moved, relative to how far it may be off: its place has no digits below."""
 
@@ -19,11 +21,11 @@ def with_errors(errors: Errors, stmt: Ellipse, out: list[Stmt]) -> None:
     How far errors of the place move a moment is shown by the same moment of an ellipse that is a step larger and to the side, and how far
     those of the half-planes do by the same moment in half-planes that are STEP wider.
     """
-    kinds: dict[tuple[str, int, int], str] = {}
+    kinds: dict[Key, str] = {}
     for m in stmt.moments:
         for j, k, _ in m.terms:
-            kinds.setdefault((m.kind, j, k), errors.fresh("v"))
-    single = tuple(Moments(kind, ((j, k, 1.0),)) for kind, j, k in kinds)
+            kinds.setdefault((m.kind, m.axes, j, k), errors.fresh("v"))
+    single = tuple(Moments(kind, ((j, k, 1.0),), axes) for kind, axes, j, k in kinds)
     out.append(replace(stmt, moments=stmt.moments + single, results=(*stmt.results, *kinds.values())))
     u, v, radius, width, height, least = stmt.place
     size: Arg = LEAST
@@ -35,7 +37,7 @@ def with_errors(errors: Errors, stmt: Ellipse, out: list[Stmt]) -> None:
     moved = tuple(errors.fresh("v") for _ in kinds)
     place = (errors.op(out, "add", u, step), errors.op(out, "sub", v, step), errors.op(out, "add", radius, step), width, height, least)
     out.append(replace(stmt, place=place, moments=single, results=moved))
-    spread: dict[tuple[str, int, int], Arg] = {}
+    spread: dict[Key, Arg] = {}
     for (key, name), other in zip(kinds.items(), moved, strict=True):
         apart = _apart(errors, errors.op(out, "div", relative, far), name, other, out)
         spread[key] = errors.sum_of((apart, errors.op(out, "mul", ROUNDINGS, errors.op(out, "abs", name))), out)
@@ -48,7 +50,7 @@ def with_errors(errors: Errors, stmt: Ellipse, out: list[Stmt]) -> None:
     for result, m in zip(stmt.results, stmt.moments, strict=True):
         parts: list[Arg] = []
         for j, k, c in m.terms:
-            key = (m.kind, j, k)
+            key = (m.kind, m.axes, j, k)
             parts.append(errors.op(out, "mul", errors.op(out, "abs", c), spread[key]))
             parts.append(errors.times(out, kinds[key], errors.uncertainty(c, out)))
         errors.errors[result] = errors.sum_of(parts, out)

@@ -9,7 +9,7 @@ from typing import cast
 from teg.analysis.boxes import Coefficients
 from teg.ir.integral import ClosedForm, Integral
 from teg.ir.node import Node
-from teg.passes.intrinsics.ellipse.match import Arcs, Curve, Cut, Sides, match_ellipse
+from teg.passes.intrinsics.ellipse.match import Arcs, Curve, Cut, Powers, Sides, match_ellipse
 from teg.passes.lower.emit import Emitter
 from teg.passes.lower.intrinsic import Lowering
 from teg.passes.lower.levels import Level
@@ -77,21 +77,22 @@ class EllipseLowering(Lowering):
         moments: list[Moments] = []
         names: list[str] = []
         parts: dict[Node, list[str]] = {}
-        wanted: list[tuple[Node, str, Coefficients]] = []
+        wanted: list[tuple[Node, str, Coefficients, Powers]] = []
         for node, sides in together.regions.items():
-            wanted += [(node, "above", sides.inside), (node, "below", sides.outside)]
-        wanted += [(arcs, "border", arcs.coefficients) for arcs in together.arcs]
+            wanted += [(node, "above", sides.inside, (0, 0)), (node, "below", sides.outside, (0, 0))]
+        for arcs in together.arcs:
+            wanted += [(arcs, "border", coefficients, axes) for axes, coefficients in (arcs.coefficients or {(0, 0): {}}).items()]
         wanted = [each for each in wanted if each[0] not in home.names]
-        for shared, kind, coefficients in wanted:
+        for shared, kind, coefficients, axes in wanted:
             if coefficients:
-                moments.append(Moments(kind, tuple((j, k, self.out.number(c, home)) for (j, k), c in coefficients.items())))
+                moments.append(Moments(kind, tuple((j, k, self.out.number(c, home)) for (j, k), c in coefficients.items()), axes))
                 names.append(self.out.fresh("v"))
                 parts.setdefault(shared, []).append(names[-1])
         if names:
-            axes, place = (tuple(self.out.number(e, home) for e in part) for part in (curve.matrix, curve.place))
+            matrix, place = (tuple(self.out.number(e, home) for e in part) for part in (curve.matrix, curve.place))
             planes = tuple(self._half_plane(cut, home) for cut in curve.cuts)
-            home.block.append(Ellipse(axes, place, tuple(moments), tuple(names), None, planes))
-        for known in dict.fromkeys(node for node, _, _ in wanted):
+            home.block.append(Ellipse(matrix, place, tuple(moments), tuple(names), None, planes))
+        for known in dict.fromkeys(node for node, *_ in wanted):
             mine = parts.get(known, [])
             home.names[known] = 0.0 if not mine else mine[0] if len(mine) == 1 else self.out.assign(home, "add", *mine)
 

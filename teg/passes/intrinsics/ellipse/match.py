@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from itertools import combinations, product
 from typing import cast
 
-from teg.analysis.boxes import Coefficients, coefficients, nest_of_two
+from teg.analysis.boxes import Coefficients, coefficients, coefficients_along, nest_of_two
 from teg.analysis.calculus import slope
 from teg.analysis.expanded import distance
 from teg.analysis.nest import Binder, Chain, nest
@@ -37,6 +37,9 @@ from teg.program import MAX_CUTS
 
 MAX_DEGREE = 6
 """Of the polynomial along the curve; of the one inside it is two less, for the nodes along the arcs are the same."""
+LONG = 4.0
+"""Sum of the squares of a matrix of numbers, relative to its determinant, from which on an ellipse is long; 2 is that of a circle."""
+Powers = tuple[int, int]
 Line = tuple[Expr, Expr, Expr]
 """a, b and c of c + a·u + b·v = 0, about the corner of both lower bounds."""
 Matrix = tuple[Expr, ...]
@@ -63,10 +66,10 @@ class Curve:
 
 
 class Arcs(ClosedForm):
-    """∫∫ over a clipped box of Σ c·uʲvᵏ·δ(g), g = 0 an ellipse.
+    """∫∫ over a clipped box of Σ c·uʲvᵏpᵐqⁿ·δ(g), g = 0 an ellipse, (p, q) = A·((u, v) - centre).
 
     A function of the matrix, the place and the half-planes, of g at the corners of the box and where lines meet, of how far each line is
-    from touching the ellipse, and of the coefficients. Data are whether each half-plane is closed, the powers (j, k), the number of
+    from touching the ellipse, and of the coefficients. Data are whether each half-plane is closed, the powers (j, k, m, n), the number of
     intersections and that of lines, 0 for both if nothing but the coefficients depends on an outer variable.
     """
 
@@ -84,9 +87,12 @@ class Arcs(ClosedForm):
         return Curve(tuple(matrix), tuple(place), tuple(cuts))
 
     @property
-    def coefficients(self) -> Coefficients:
-        powers = cast("tuple[tuple[int, int], ...]", self.data[1])
-        return dict(zip(powers, self.terms, strict=True))
+    def coefficients(self) -> dict[Powers, Coefficients]:
+        """The coefficients of uʲvᵏ by the powers of p and q."""
+        found: dict[Powers, Coefficients] = {}
+        for (j, k, *axes), c in zip(cast("tuple[tuple[int, ...], ...]", self.data[1]), self.terms, strict=True):
+            found.setdefault((axes[0], axes[1]), {})[j, k] = c
+        return found
 
     @property
     def kinks(self) -> Sequence[Expr]:
@@ -132,11 +138,11 @@ def match_arcs(g: Expr, coefficient: Expr, chain: Chain, variables: Sequence[Var
     if split is None:
         return None
     cuts, coefficient = split
-    found = coefficients(coefficient, box)
-    if found is None or any(j + k > MAX_DEGREE for j, k in found):
-        return None
     curve = _surface(g, box)
     if curve is None:
+        return None
+    found = _coefficients(coefficient, box, curve)
+    if found is None or any(sum(powers) > MAX_DEGREE for powers in found):
         return None
     numbers = (*curve.matrix, *curve.place, *(e for cut in cuts for e in cut.line))
     kinks: list[Expr] = []
@@ -146,6 +152,27 @@ def match_arcs(g: Expr, coefficient: Expr, chain: Chain, variables: Sequence[Var
     data = tuple(cut.closed for cut in cuts), tuple(found), len(kinks), len(births)
     arcs = Arcs.make(data, (*numbers, *kinks, *births, *found.values()))
     return nest(where(curve.exists, arcs, ZERO), others)
+
+
+def _coefficients(e: Expr, box: Chain, curve: _Surface) -> dict[tuple[int, int, int, int], Expr] | None:
+    """Returns the coefficients of a polynomial along an ellipse by the powers of u, v, p and q; of u and v alone unless it may be long.
+
+    Along a thin ellipse the square of a base that its short axis divides is of size 1, while that of each of its terms is 1/b².
+    """
+    if curve.bases and _is_long(curve.matrix):
+        return coefficients_along(e, box, curve.bases)
+    found = coefficients(e, box)
+    return None if found is None else {(j, k, 0, 0): c for (j, k), c in found.items()}
+
+
+def _is_long(matrix: Matrix) -> bool:
+    """Returns whether an ellipse is long, or may be with some parameters."""
+    a, b, c, d = matrix
+    numbers = [float(e.data) for e in matrix if isinstance(e, Const)]
+    if len(numbers) == 4:
+        p, q, r, s = numbers
+        return p * p + q * q + r * r + s * s > LONG * abs(p * s - q * r)
+    return not (a is d and b is c is ZERO)
 
 
 def _cuts(integrand: Expr, atoms: Sequence[Compare], box: Chain) -> tuple[tuple[Cut, ...], Expr] | None:
@@ -243,13 +270,15 @@ def _is_endless(chain: Chain) -> bool:
 
 @dataclass(frozen=True)
 class _Surface:
-    """An ellipse on a box, the κ of its radius, the sign of g inside, and whether there is a curve, with a tie at κ = 0."""
+    """An ellipse on a box, the κ of its radius, the sign of g inside, whether there is a curve, with a tie at κ = 0, and both numbers of
+    A·(x - c) as they are written, if g is written with their squares."""
 
     matrix: Matrix
     place: Place
     square: Expr
     sign: float
     exists: Cond
+    bases: tuple[Expr, ...]
 
 
 def _surface(g: Expr, box: Chain) -> _Surface | None:
@@ -259,6 +288,7 @@ def _surface(g: Expr, box: Chain) -> _Surface | None:
     if Shadow(variables).degree(g) != 2:
         return None
     squares = squares_of(g, variables)
+    bases: tuple[Expr, ...] = ()
     if squares is not None:
         if squares.numbers is None and all(isinstance(e, Const) for row in squares.rows for e in row):
             return None
@@ -266,7 +296,7 @@ def _surface(g: Expr, box: Chain) -> _Surface | None:
         p, q = (cast(Expr, substitute(base, {inner.var: inner.lo, outer.var: outer.lo})) for base in squares.bases)
         whole = sub(mul(a, d), mul(b, c))
         centre = div(sub(mul(b, q), mul(d, p)), whole), div(sub(mul(c, p), mul(a, q)), whole)
-        sign, place = squares.sign, born(g, squares.top, squares.sign)
+        sign, place, bases = squares.sign, born(g, squares.top, squares.sign), squares.bases
     else:
         data = match_conic(g, variables)
         known = None if data is None else place_of(g, box, data)
@@ -280,7 +310,7 @@ def _surface(g: Expr, box: Chain) -> _Surface | None:
         return None
     extents = distance(inner.lo, inner.hi), distance(outer.lo, outer.hi)
     radius, least = (call("sqrt", call("max", square, ZERO)) for square in (place.square, place.least))
-    return _Surface((a, b, c, d), (*centre, radius, *extents, least), place.square, sign, place.exists)
+    return _Surface((a, b, c, d), (*centre, radius, *extents, least), place.square, sign, place.exists, bases)
 
 
 def _inverse(data: Conic, inner: Binder) -> tuple[tuple[Expr, Expr], tuple[Expr, Expr]]:
