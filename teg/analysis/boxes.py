@@ -54,8 +54,6 @@ def coefficients(e: Expr, chain: Chain, scaled: bool = False) -> Coefficients | 
     if it is none."""
     outer, inner = chain
     x, y = inner.var, outer.var
-    if e.has_integral or e.has_delta or any(atoms_of(e, v) for v in (x, y)):
-        return None
     width, height = distance(inner.lo, inner.hi), distance(outer.lo, outer.hi)
     found = _taylor(e, {x: inner.lo, y: outer.lo})
     if found is None or not scaled:
@@ -67,8 +65,6 @@ def coefficients_along(e: Expr, chain: Chain, bases: Sequence[Expr]) -> dict[tup
     """Returns the coefficients of xʲyᵏpᵐqⁿ in a polynomial, p and q being affine `bases` as they stand in it; None if it is none."""
     outer, inner = chain
     x, y = inner.var, outer.var
-    if e.has_integral or e.has_delta or any(atoms_of(e, v) for v in (x, y)):
-        return None
     p = fresh("p", e.free)
     q = fresh("q", {*e.free, p})
     written: dict[Expr, Expr] = {}
@@ -85,6 +81,8 @@ def coefficients_along(e: Expr, chain: Chain, bases: Sequence[Expr]) -> dict[tup
 def _taylor(e: Expr, place: dict[Var, Expr]) -> dict[tuple[int, ...], Expr] | None:
     """Returns the coefficients of a polynomial about a place that are not known to be 0; None if it is none."""
     variables = tuple(place)
+    if e.has_integral or e.has_delta or any(atoms_of(e, v) for v in variables):
+        return None
     poly = Shadow(variables).polynomial(e)
     if poly is None:
         return None

@@ -29,11 +29,11 @@ RULE = {"method": "gauss-legendre", "maxdegree": 5}
 
 
 @cache
-def exact(matrix: Matrix, place: Place, kind: str, j: int, k: int, lines: tuple[Line, ...] = ()) -> float:
+def exact(matrix: Matrix, place: Place, kind: str, j: int, k: int, lines: tuple[Line, ...] = (), axes: tuple[int, int] = (0, 0)) -> float:
     """∫∫ uʲvᵏ w over the part of the box inside of all lines."""
     with mpmath.workdps(20):
         if kind == "border":
-            return float(_along(matrix, place, j, k, lines))
+            return float(_along(matrix, place, (j, k, *axes), lines))
         inside = _inside(matrix, place, j, k, lines)
         if kind == "above":
             return float(inside)
@@ -42,8 +42,8 @@ def exact(matrix: Matrix, place: Place, kind: str, j: int, k: int, lines: tuple[
         return float((_inside(*around, j, k, lines) if lines else width ** (j + 1) * height ** (k + 1) / ((j + 1) * (k + 1))) - inside)
 
 
-def _along(matrix: Matrix, place: Sequence[float], j: int, k: int, lines: Sequence[Line]) -> Any:
-    """½/|det A|·∮ uʲvᵏ dφ over the part of the ellipse in the box."""
+def _along(matrix: Matrix, place: Sequence[float], powers: Sequence[int], lines: Sequence[Line]) -> Any:
+    """½/|det A|·∮ uʲvᵏpᵐqⁿ dφ over the part of the ellipse in the box."""
     a, b, c, d = map(mpmath.mpf, matrix)
     u0, v0, radius, width, height = map(mpmath.mpf, place)
     whole = a * d - b * c
@@ -62,11 +62,15 @@ def _along(matrix: Matrix, place: Sequence[float], j: int, k: int, lines: Sequen
     def at_angle(phi: Any) -> list[Any]:
         return [at + p * mpmath.cos(phi) + q * mpmath.sin(phi) for p, q, at, _, _ in rows]
 
+    def value(phi: Any) -> Any:
+        coordinates = *at_angle(phi), radius * mpmath.cos(phi), radius * mpmath.sin(phi)
+        return mpmath.fprod(x**power for x, power in zip(coordinates, powers, strict=True))
+
     total = mpmath.mpf(0)
     for first, last in pairwise(sorted(cuts)):
         u, v = at_angle((first + last) / 2)
         if left < u < right and bottom < v < top and all(e * u + f * v + g > 0 for e, f, g in lines):
-            total += mpmath.quad(lambda phi: at_angle(phi)[0] ** j * at_angle(phi)[1] ** k, [first, (first + last) / 2, last], **RULE)
+            total += mpmath.quad(value, [first, (first + last) / 2, last], **RULE)
     return (1 if (width >= 0) == (height >= 0) else -1) * total / (2 * abs(whole))
 
 

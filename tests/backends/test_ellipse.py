@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import mpmath
 import numpy as np
@@ -53,15 +54,15 @@ def of_place(matrix: Matrix, asked: Sequence[Moments], least: float = 0.0, when:
     return program(5, (Ellipse(matrix, ("p0", "p1", "p2", "p3", "p4", least), tuple(asked), results, when),), *results)
 
 
-def case_of(name: str, matrix: Matrix, rows: Sequence[Place], tolerance: float) -> Case:
+def case_of(name: str, matrix: Matrix, rows: Sequence[Place], tolerance: float, asked: Sequence[Moments] = ASKED) -> Case:
     """All of these ellipses in one batch."""
 
     @cache  # when a test asks, not when it is collected
     def answers() -> tuple[Row, ...]:
-        return tuple(tuple(exact(matrix, row, m.kind, *m.terms[0][:2]) for row in rows) for m in ASKED)
+        return tuple(tuple(exact(matrix, row, m.kind, *m.terms[0][:2], axes=m.axes) for row in rows) for m in asked)
 
     given: list[Row] = [tuple(row[i] for row in rows) for i in range(5)]
-    return Case(name, of_place(matrix, ASKED), tuple(given), answers, len(rows), tolerance)
+    return Case(name, of_place(matrix, asked), tuple(given), answers, len(rows), tolerance)
 
 
 NAN, INF = math.nan, math.inf
@@ -78,12 +79,15 @@ LEAST = Case(
     "a least radius", of_place(ROUND, (AREA, LENGTH), least=0.25), ((0.5, 0.0), (0.5, 0.5), (0.0, 1e-3), (1.0, 1.0), (1.0, 1.0)),
     ((0.0, 0.5e-6 * math.pi), (math.pi, 0.5 * math.pi)), 2,
 )  # fmt: skip
+ALONG = [Moments("border", ((j, k, 1.0),), axes) for j, k, axes in ((0, 0, (2, 0)), (0, 0, (0, 1)), (1, 0, (0, 2)), (0, 1, (1, 1)))]
 PLAIN = [row for row in ROWS if row not in LOOSE]
 CASES = [
     case_of("circles", ROUND, PLAIN, 4e-15),
     case_of("circles that touch and large ones", ROUND, sorted(LOOSE), 1e-6),
     case_of("leaning ellipses", LEANS, PLAIN[:2] + PLAIN[4:12:2], 4e-15),
     case_of("long ellipses", LONG, PLAIN[:2] + PLAIN[4:10:2], 4e-15),
+    case_of("powers along axes", LEANS, [*PLAIN[:2], PLAIN[6]], 4e-15, ALONG),
+    case_of("powers along axes, turned over", (-0.2, 0.7, 1.3, 0.4), PLAIN[:2], 4e-15, ALONG),
     SPECIAL,
     LEAST,
 ]
@@ -228,3 +232,48 @@ def test_a_picture_of_disks(backend: str) -> None:
             gradient[number] += 2.0 * weight * np.array([first - place[0] * length, second - place[1] * length, radius * length])
     assert value == pytest.approx(area, abs=1e-13)
     np.testing.assert_allclose(slopes["D"], gradient, atol=1e-12)
+
+
+def thin(weight: str, turned: bool) -> teg.Expr:
+    """A polynomial on an ellipse with half-axes a and b around (0.2, 0.1), turned by t or not."""
+    u, v = x - 0.2, y - 0.1
+    u, v = (u * teg.cos(t) + v * teg.sin(t), v * teg.cos(t) - u * teg.sin(t)) if turned else (u, v)
+    return teg.integral(
+        teg.bracket((u / a) ** 2 + (v / b) ** 2 < 1) * (x + 2 * y if weight == "x + 2y" else x**2 * y), (x, -2, 2), (y, -2, 2)
+    )
+
+
+def thin_slopes(weight: str, long: float, short: float, angle: float) -> list[float]:
+    """The derivatives by a, b and t, of π·a·b times the mean of the weight, with the variances of x and y in an ellipse."""
+
+    def mean(long: Any, short: Any, angle: Any) -> Any:
+        cx, cy, c, s = mpmath.mpf(0.2), mpmath.mpf(0.1), mpmath.cos(angle), mpmath.sin(angle)
+        spread, both = (long**2 * c**2 + short**2 * s**2) / 4, (long**2 - short**2) * c * s / 4
+        return mpmath.pi * long * short * (cx + 2 * cy if weight == "x + 2y" else (cx**2 + spread) * cy + 2 * cx * both)
+
+    with mpmath.workdps(40):
+        at = [mpmath.mpf(v) for v in (long, short, angle)]
+        return [float(mpmath.diff(mean, at, n, h=mpmath.mpf(10) ** -16)) for n in ((1, 0, 0), (0, 1, 0), (0, 0, 1))]
+
+
+@pytest.mark.parametrize(("weight", "turned"), [("x + 2y", True), ("xxy", True), ("xxy", False)])
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_gradients_of_thin_ellipses(backend: str, weight: str, turned: bool) -> None:
+    """By half-axes and angle; in powers of x and y the coefficients are 1/b² larger than what their sum is."""
+    widths = [10.0**-k for k in range(7)]
+    f = teg.compile(thin(weight, turned), [a, b, t] if turned else [a, b], backend=backend)
+    at = {"a": 1.0, "b": np.array(widths)} | ({"t": 0.3} if turned else {})
+    slopes = f.grad(at)
+    for i, short in enumerate(widths):
+        true = dict(zip("abt", thin_slopes(weight, 1.0, short, 0.3 if turned else 0.0), strict=True))
+        for name in at:
+            assert slopes[name][i] == pytest.approx(true[name], rel=1e-11, abs=1e-12), (name, short)
+
+
+def test_estimates_of_thin_ellipses() -> None:
+    f = teg.compile(thin("xxy", True), [a, b, t])
+    for short in (1e-2, 1e-4):
+        slopes, errors = f.grad_and_error({"a": 1.0, "b": short, "t": 0.3})
+        for name, true in zip("abt", thin_slopes("xxy", 1.0, short, 0.3), strict=True):
+            assert abs(slopes[name] - true) <= errors[name] + 1e-15
+            assert errors[name] <= 1e-11 / short

@@ -328,6 +328,11 @@ IN_PASSES: tuple[Mutant, ...] = (
     ),
     *mutants(
         "teg/passes/intrinsics/ellipse/match.py",
+        ("tests/backends/test_ellipse.py",),
+        ("a long ellipse", "return not (a is d and b is c is ZERO)", "return False"),
+    ),
+    *mutants(
+        "teg/passes/intrinsics/ellipse/match.py",
         ("tests/backends/test_intrinsics.py",),
         ("inside of an ellipse", "*((above, below) if curve.sign > 0.0 else (below, above)))", "*(above, below))"),
     ),

@@ -171,7 +171,23 @@ def test_every_field_that_may_hold_a_name_has_a_role(cls: type) -> None:
 )
 def test_so_has_every_field_of_parts_and_steps(cls: type) -> None:
     plain = {f.name for f in fields(cls)} - {f.name for f in declared(cls)}
-    assert plain <= {"kind", "closed", "k", "op", "array", "program", "title", "output", "listed", "arrays", "columns", "column", "shape"}
+    settings = {
+        "kind",
+        "axes",
+        "closed",
+        "k",
+        "op",
+        "array",
+        "program",
+        "title",
+        "output",
+        "listed",
+        "arrays",
+        "columns",
+        "column",
+        "shape",
+    }
+    assert plain <= settings
 
 
 def test_results_are_absent_where_the_condition_fails() -> None:
