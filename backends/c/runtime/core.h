@@ -31,13 +31,6 @@
 #define TEG_EIGHT static
 #endif
 
-/* Before a short loop over eight numbers: gcc writes eight copies of it else, of which it makes no vectors. */
-#if defined(__GNUC__) && !defined(__clang__)
-#define TEG_LANES _Pragma("GCC unroll 1")
-#else
-#define TEG_LANES
-#endif
-
 /* Where eight numbers are read at once, which takes longer across the end of a cache line. */
 #ifdef __GNUC__
 #define TEG_ALIGNED __attribute__((aligned(64)))
