@@ -103,8 +103,7 @@ def least_height(critical: Critical) -> Expr:
     It is not 0 where all numbers are: a circle has directions however small it is, and a side of the box through its centre leaves half
     of it.
     """
-    finest = ZERO if critical.size is critical.terms else mul(const(FINEST), critical.size)
-    return add(mul(const(APART), critical.terms), finest, const(LEAST))
+    return add(mul(const(APART), critical.terms), mul(const(FINEST), critical.size), const(LEAST))
 
 
 def height_at_saddle(critical: Critical) -> Expr:

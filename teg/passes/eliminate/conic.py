@@ -210,8 +210,8 @@ def place_of(g: Expr, boxes: Sequence[Binder], data: Conic) -> Place | None:
 
 def born(g: Expr, top: Expr, sign: float) -> Place:
     """Returns the place of an ellipse sign·g = top - p² - q², without its centre."""
-    size = add(*(call("magnitude", term) for term in (top.children if isinstance(top, Add) else (top,))))
-    critical = Critical({}, mul(const(sign), top), ONE, TRUE, size, size)
+    terms = add(*(call("magnitude", term) for term in (top.children if isinstance(top, Add) else (top,))))
+    critical = Critical({}, mul(const(sign), top), ONE, TRUE, terms, ZERO)
     above = is_above_birth(g, critical)
     return Place({}, tidy(top), least_height(critical), above if sign > 0.0 else negation(above))
 
