@@ -312,7 +312,7 @@ IN_PASSES: tuple[Mutant, ...] = (
     *mutants(
         "teg/analysis/critical.py",
         ("tests/passes/eliminate/test_charts.py", "tests/passes/eliminate/test_implicit.py"),
-        ("least height of a long ellipse", "mul(const(APART), critical.terms), finest", "mul(const(APART), critical.size), finest"),
+        ("least height of a long ellipse", "mul(const(APART), critical.terms), mul", "mul(const(APART), critical.size), mul"),
         ("least height of a birth", "add(least_height(critical), where", "add(ZERO, where"),
         ("least height of a crossing", "mul(const(APART), critical.size), ZERO)", "ZERO, ZERO)"),
     ),
