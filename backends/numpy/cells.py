@@ -14,6 +14,7 @@ import numpy.typing as npt
 from teg.backends.numpy.arrangement import UNMOVED, Arrangements, Moved, classified, regions_of
 from teg.backends.numpy.measured import Measured, Numbers
 from teg.backends.numpy.parting import parting
+from teg.backends.numpy.side_lines import Squares, both_ways, squares_beside
 from teg.backends.numpy.tiles import tiled
 from teg.numerics.cell_integrals import integrals
 from teg.numerics.cells import LIMIT, NO_OWNER, PARTING, SHIFT, SKEW, Layout, monomials
@@ -128,20 +129,38 @@ def _beside(shape: Layout, given: Lanes, slopes: bool) -> tuple[Results, Array]:
     if not slopes and not shape.order:
         return Results(values, sizes, []), np.zeros(len(given.counts))
     tables = measured.tables()
-    for which, shift in ((touching, SHIFT), ((concurrent > 0) & ~touching, 0.0)):
-        lanes = np.flatnonzero(which)
-        if not lanes.size:
-            continue
-        some, places = given.take(lanes)
-        own, nudge = _numbers(shape, some), (concurrent[lanes] > 0).astype(float)
-        moves = [Moved((sign * shift, sign * shift * SKEW), sign * nudge if nudge.any() else None) for sign in (1.0, -1.0)]
-        lost = (concurrent[lanes] > 1)[own.square, None]
-        for table, one, other in zip(tables, *(_measured(shape, some, own, moved)[0].tables() for moved in moves), strict=True):
-            table[places] = np.where(lost, np.nan, 0.5 * (one + other))
+    meeting = (concurrent > 0) & ~touching
+    moved = np.repeat(touching | meeting, given.counts + 1)
+    for table in tables:
+        table[moved] = 0.0
+    for shift, squares in (
+        (SHIFT, squares_beside(shape, given.rows, given.counts, np.flatnonzero(touching))),
+        (0.0, both_ways(np.flatnonzero(meeting))),
+    ):
+        for sign in (1.0, -1.0):
+            _add_squares(shape, given, tables, (squares[sign], sign * shift, sign * (concurrent > 0), concurrent > 1))
     if shape.order:
         values = np.stack([_along(shape, table, k, (given, numbers)) for k, table in enumerate(tables)])
     speeds = np.where(guarded, parting(measured, len(given.counts)), 0.0) if shape.order and slopes else np.zeros(len(given.counts))
     return Results(values, sizes, tables if slopes else []), speeds
+
+
+def _add_squares(shape: Layout, given: Lanes, tables: list[Array], moved: tuple[Squares, float, Array, Array]) -> None:
+    """Adds the tables of squares that are moved, or whose keys are taken apart; those that are lost are NaN."""
+    squares, shift, nudge, lost = moved
+    lanes = np.array(squares.lanes, dtype=int)
+    if not lanes.size:
+        return
+    some, places = given.take(lanes)
+    starts = np.cumsum(some.counts) - some.counts
+    for k, rows in squares.candidates.items():
+        some.rows[starts[k] : starts[k] + len(rows)] = rows
+    own = _numbers(shape, some)
+    taken_apart = nudge[lanes] if nudge[lanes].any() else None
+    found = _measured(shape, some, own, Moved((shift, shift * SKEW), taken_apart))[0].tables()
+    weights = np.where(lost[lanes], np.nan, squares.weights)[own.square, None]
+    for table, part in zip(tables, found, strict=True):
+        np.add.at(table, places, weights * part)
 
 
 def _measured(shape: Layout, given: Lanes, numbers: Numbers, moved: Moved) -> tuple[Measured, Array, Array, Array]:

@@ -9,7 +9,8 @@ on lines whose number is fixed: the sides of the square, the lines of guards, an
     derivatives    by a form: Σ ±∫ f_owner·(1, u, v) ds/|(a, b)| over the intervals that the form bounds
 
 Lines within EPSILON of each other are made one before anything is decided, so all decisions about them agree. An interval of such lines
-belongs to the first one that bounds its owner there. On a side of the square, derivatives are half of those inside: the mean of both ways.
+belongs to the first one that bounds its owner there. On a side of the square, derivatives are half of those inside: the mean of moving each
+one by itself both ways.
 
 Every owner's border must be closed. Where rounding decides differently on two lines that nearly coincide it is not, and the lane is NaN.
 Cost: lines · intervals · candidates in each lane, about K⁵ numbers for K candidates. Source: divergence theorem for homogeneous integrands
@@ -109,6 +110,7 @@ def _intervals(s: Setting, scene: Scene, lines: Lines) -> Intervals:
     by_region = (n, count, s.regions, s.shape.guards)
     cut = [v[..., :split].reshape(by_region) for v in (at, slope, start, same, turned)]
     begins, ends, sides = _presence(xp, cut, (first, last))
+    sides = _alone_on_sides(s, lines, cut[3:], sides)
     crossing = xp.clip(xp.where(same[..., split:], first, at[..., split:]), first, last)
     ends_of_all = xp.sort(xp.concatenate([first, last, begins, ends, crossing], axis=2), axis=2)
     middle = (0.5 * (ends_of_all[..., 1:] + ends_of_all[..., :-1]))[..., None]
@@ -134,6 +136,17 @@ def _presence(xp: Any, cut: list[Any], chord: tuple[Any, Any]) -> tuple[Any, Any
     begins = xp.clip(begins, first, last)
     ends = xp.where(never, begins, xp.clip(ends, begins, last))
     return begins, ends, ((~same | (turned > 0.0)).all(axis=3), (~same | (turned < 0.0)).all(axis=3))
+
+
+def _alone_on_sides(s: Setting, lines: Lines, cut: list[Any], sides: tuple[Any, Any]) -> tuple[Any, Any]:
+    """Returns which regions are on either side of lines, but on a side of the square each region's line moves by itself: others that end
+    on the line from within are beyond it too, and others that begin there are not."""
+    same, turned = cut
+    others = s.guarded[:, None] != np.arange(s.regions)
+    others = np.concatenate([np.zeros((SIDE, s.regions), bool), others, np.zeros((len(s.pairs), s.regions), bool)])
+    inner, outer = (lines.on_side & (lines.turned * sign > 0.0) for sign in (1.0, -1.0))
+    begun = (same & (turned > 0.0)).any(axis=3) & others & outer[..., None]
+    return sides[0] & ~begun, sides[1] | (others & inner[..., None])
 
 
 def _tied(s: Setting, same: Any) -> Any:

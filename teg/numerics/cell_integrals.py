@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from operator import mul
 from typing import NamedTuple
 
 from teg.numerics.arrangement import Arrangement
 from teg.numerics.cells import LIMIT, PARTING, SHIFT, SKEW, Layout, Row
 from teg.numerics.measured import Measured
+from teg.numerics.side_lines import Displaced, displaced
 
 Table = list[list[float]]
 """A row for each candidate, and one for `otherwise`."""
@@ -57,7 +59,7 @@ def _parted(shape: Layout, candidates: Sequence[Row], otherwise: Row, speed: flo
             rows, rest = [_moved(row, step) for row in candidates], _moved(otherwise, step)
             there = Arrangement(shape, rows)
             sides.append(_tables(there, rows, rest, Measured(shape, there, rows, rest)))
-        found.append(_mean(*sides))
+        found.append(_weighted((0.5, 0.5), sides))
     return found[0], found[1]
 
 
@@ -80,18 +82,22 @@ def _moved(row: Row, step: float) -> Row:
 def _means(here: Arrangement, candidates: Sequence[Row], otherwise: Row) -> list[Table]:
     """Returns the tables of a square with something on its sides, or with more equal keys at one place than have a second derivative
     there: as means of both sides."""
-    sides = []
-    for sign in (1.0, -1.0):
+    both = [Displaced(0.5, sign, candidates) for sign in (1.0, -1.0)]
+    weights, several = [], []
+    for weight, sign, rows in displaced(here.shape, candidates) if here.touching else both:
         shift = (sign * SHIFT, sign * SHIFT * SKEW) if here.touching else (0.0, 0.0)
-        there = Arrangement(here.shape, candidates, shift, sign * bool(here.concurrent))
+        there = Arrangement(here.shape, rows, shift, sign * bool(here.concurrent))
         there.ambiguous |= here.concurrent > 1 or (here.concurrent > 0 and there.concurrent > 0)
-        sides.append(Measured(here.shape, there, candidates, otherwise).tables())
-    return _mean(*sides)
+        several.append(Measured(here.shape, there, rows, otherwise).tables())
+        weights.append(weight)
+    return _weighted(weights, several)
 
 
-def _mean(one: Sequence[Table], other: Sequence[Table]) -> list[Table]:
+def _weighted(weights: Sequence[float], several: Sequence[list[Table]]) -> list[Table]:
+    """Returns the sum of tables with weights."""
     return [
-        [[0.5 * (a + b) for a, b in zip(r, s, strict=True)] for r, s in zip(p, q, strict=True)] for p, q in zip(one, other, strict=True)
+        [[sum(map(mul, weights, numbers)) for numbers in zip(*rows, strict=True)] for rows in zip(*tables, strict=True)]
+        for tables in zip(*several, strict=True)
     ]
 
 

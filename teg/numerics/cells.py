@@ -27,7 +27,7 @@ numbers moved by ±h times the direction, as 2·M(h) - M(2h); NaN where M has no
 A candidate is absent where one of its guards is below 0 on all of the square, whatever its other numbers are; a guard or a key of another
 one that is not finite makes everything NaN. Equal keys: the lower index. A corner nearer than EPSILON to a line lies on it: common edges of
 a mesh then cut nothing off. A line on a side of the square has one derivative for moving inwards and another one outwards: the mean counts
-where the candidate is there, not farther than BESIDE from that side of a cell.
+where the candidate is there, not farther than BESIDE from that side of a cell, and each line counts as moving by itself (`side_lines.py`).
 Cost: linear in the candidates, for those that are not hidden or outside the square of their number at worst; C compares these with the few
 cells around them only, NumPy cuts the square into tiles first. Method: cells with owners (a planar arrangement built by insertion; there a
 binary space partition finds them); derivatives by Reynolds' transport theorem.

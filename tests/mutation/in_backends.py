@@ -10,6 +10,7 @@ KEPT = "tests/backends/c/test_kept_cells.py"
 POLYHEDRON = "tests/backends/test_polyhedron.py"
 ENVELOPE = "tests/backends/c/test_envelope.py"
 SIDE_BY_SIDE = "tests/backends/numpy/test_side_by_side.py"
+SIDE_LINES = "tests/numerics/test_side_lines.py"
 KERNEL_IN_JAX = "tests/backends/jax/test_kernel.py"
 
 IN_BACKENDS: tuple[Mutant, ...] = (
@@ -128,6 +129,22 @@ IN_BACKENDS: tuple[Mutant, ...] = (
         "backends/numpy/key_edges.py",
         ("tests/backends/numpy/test_key_edges.py",),
         ("a key that is less beyond", "<= tolerance) & (slope > flat)", "<= tolerance)"),
+    ),
+    *mutants(
+        "backends/numpy/side_lines.py",
+        (SIDE_LINES,),
+        ("squares with several lines on a side", "> 1.0", "> 2.0"),
+    ),
+    *mutants(
+        "backends/c/runtime/side_lines.h",
+        (SIDE_LINES,),
+        ("colours of lines over one another", "else if (common > TEG_BESIDE) taken", "else if (common > 2.0) taken"),
+        ("regions beyond a side", "!= (lines[k].side & 1)", "!= 0"),
+    ),
+    *mutants(
+        "backends/shared/cells.py",
+        (SIDE_LINES,),
+        ("lines on a side that move alone", "sides[1] | (others & inner[..., None])", "sides[1]"),
     ),
     *mutants(
         "backends/numpy/side_by_side.py",

@@ -18,6 +18,7 @@ BY_FEATURE = {
     "samples": "tests/backends/test_sampling.py tests/backends/test_sampled.py",
     "isolate": "tests/backends/numpy/test_isolate.py tests/backends/jax/test_isolate.py tests/backends/c/test_isolate.py",
     "locate roots": "tests/backends/numpy/test_locate.py tests/backends/jax/test_locate.py tests/backends/c/test_locate.py",
+    "side_lines": "tests/numerics/test_side_lines.py",
     "cell_lines measured parting tiles twins arrangement": "tests/backends/numpy/test_cells.py tests/backends/shared/test_cells.py",
     "loops lengths ties arrays": "tests/backends/test_arrays.py tests/report/test_array_reports.py",
     "tabled": "tests/end_to_end/test_alike_terms.py",

@@ -220,6 +220,7 @@ TOPICS = (
     "insertion",
     "regions",
     "twins",
+    "side_lines",
     "cells",
     "envelope",
     "signed",

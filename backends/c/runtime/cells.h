@@ -433,28 +433,48 @@ static void teg_end(teg_arrangement *r)
     if (r->own_scratch) free(r->px), free(r->py), free(r->qx), free(r->qy), free(r->d), free(r->pl), free(r->ql);
 }
 
+//: teg_nudge
+/* How far keys are taken apart. */
+static double teg_nudge(const teg_arrangement *r)
+{
+    const teg_shape *const s = TEG_SHAPE(r->shape);
+    double most = 0.0;
+    for (int64_t k = 0; k < r->n; k++) {
+        const double *const key = r->rows + k * teg_row(s) + teg_forms(s) - 3;
+        most = teg_most_of(most, fabs(key[0]) + fabs(key[1]) + fabs(key[2]));
+    }
+    return TEG_NUDGE * most;
+}
+
 //: teg_moved_tables
 /* The tables of a square with something on its sides, or with more equal keys at one place than have a second derivative there: the means of
-   those of two squares that are moved a little, or whose keys are taken apart a little. */
+   those of two squares that are moved a little, or whose keys are taken apart a little. Where candidates over one another end at one side
+   there is a square for each of m colours, with the lines of this colour inside, and one without them whose weight is 2 - m. */
 static void teg_moved_tables(teg_arrangement *r, const double *otherwise, double *tables)
 {
     const teg_shape *const s = TEG_SHAPE(r->shape);
-    const size_t size = teg_table_size(s, r->n);
-    const double shift = r->touching ? TEG_SHIFT : 0.0;
+    const size_t size = teg_table_size(s, r->n), numbers = (size_t)r->n * (size_t)teg_row(s);
+    const double shift = r->touching ? TEG_SHIFT : 0.0, *const rows = r->rows;
     const int concurrent = s->order && r->concurrent ? r->concurrent + r->touching + r->ambiguous : 0;
-    double nudge = 0.0;
-    for (int64_t k = 0; k < r->n && concurrent; k++) {
-        const double *const key = r->rows + k * teg_row(s) + teg_forms(s) - 3;
-        nudge = teg_most_of(nudge, TEG_NUDGE * (fabs(key[0]) + fabs(key[1]) + fabs(key[2])));
-    }
+    const double nudge = concurrent ? teg_nudge(r) : 0.0;
+    teg_side_line *lines = NULL;
+    const size_t count = r->touching ? teg_find_side_lines(r, &lines) : 0, colours = lines ? teg_colour(r, lines, count) : 1;
+    double *const moved = colours > 1 ? malloc(numbers * sizeof *moved) : NULL;
+    if (moved) memcpy(moved, rows, numbers * sizeof *moved), r->rows = moved;
+    else r->failed |= colours > 1;
     if (concurrent) r->ambiguous = concurrent > 1;
     for (size_t k = 0; k < size; k++) tables[k] = 0.0;
-    for (int k = 0; k < 2 && !r->failed; k++) {
-        r->su = k ? -shift : shift, r->sv = TEG_SKEW * r->su, r->nudge = k ? -nudge : nudge, r->concurrent = 0;
+    for (size_t k = colours == 2; k <= colours && !r->failed; k++) {
+        r->su = k == colours ? -shift : shift, r->sv = TEG_SKEW * r->su, r->nudge = k == colours ? -nudge : nudge, r->concurrent = 0;
+        if (moved) teg_displace(r, lines, count, k, rows, moved);
         teg_tile(r, NULL, r->n * s->parts, 0, 0, otherwise, (double *const[]){NULL, NULL, tables});
         if (concurrent && r->concurrent) r->ambiguous = 1;
+        for (size_t j = 0; !k && colours > 1 && j < size; j++) tables[j] *= 2.0 - (double)colours;
     }
     for (size_t k = 0; k < size; k++) tables[k] *= 0.5;
+    r->rows = rows;
+    free(moved);
+    free(lines);
 }
 
 //: teg_no_slopes
