@@ -51,4 +51,4 @@ def _with_several(shape: Layout, rows: Array, counts: Array) -> Array:
         at = np.abs(forms[..., :1] + forms[..., 1:] @ CORNERS.T) <= (EPSILON * size)[..., None]
     lane = np.repeat(np.arange(len(counts)), counts * shape.parts)
     sides = [np.bincount(lane, (at[..., i] & at[..., j] & (size > 0.0)).any(axis=1), len(counts)) for i, j in ENDS]
-    return np.max(sides, axis=0) > 1.0
+    return np.asarray(np.max(sides, axis=0) > 1.0)

@@ -105,7 +105,7 @@ def _overlap(line: _Line, other: _Line) -> bool:
     return line.side == other.side and min(line.last, other.last) - max(line.first, other.first) > BESIDE
 
 
-def _moved(candidates: Sequence[Row], lines: Iterable[tuple[_Line, bool]], shape: Layout, sign: float) -> list[Row]:
+def _moved(candidates: Sequence[Row], lines: Iterable[tuple[_Line, bool]], shape: Layout, sign: float) -> list[list[float]]:
     """Returns candidates whose lines on sides are inside or outside of a square that is moved by SHIFT in a direction."""
     rows = [list(row) for row in candidates]
     for line, inside in lines:
