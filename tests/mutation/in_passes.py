@@ -152,6 +152,22 @@ IN_PASSES: tuple[Mutant, ...] = (
         ("the other root's square", "add(v, mul(const(0.5), c))", "add(v, mul(const(0.25), c))"),
     ),
     *mutants(
+        "teg/analysis/powers.py",
+        ("tests/analysis/test_powers.py", "tests/end_to_end/test_moving_powers.py"),
+        ("exponents that are too small", "LEAST = 1.5", "LEAST = -0.5"),
+        ("products of powers", "return mul(*rest, *(", "return mul(*("),
+    ),
+    *mutants(
+        "teg/analysis/roots.py",
+        ("tests/analysis/test_roots.py",),
+        ("zeros of a wave in an interval", "/ math.pi) + 3", "/ math.pi)"),
+    ),
+    *mutants(
+        "teg/passes/normalise/factors.py",
+        ("tests/passes/normalise/test_radicals.py",),
+        ("denominators without a sign", "not e.free and (e.exponent % 2 == 0 or", "not e.free and (True or"),
+    ),
+    *mutants(
         "teg/passes/normalise/radicals.py",
         ("tests/passes/normalise/test_radicals.py",),
         ("where a root ends", "return conjunction(ends, disjunction(", "return conjunction(disjunction("),

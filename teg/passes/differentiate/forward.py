@@ -30,6 +30,7 @@ from teg.analysis.calculus import by_chain_rule, slope
 from teg.analysis.coincidence import ZeroSet, peeled
 from teg.analysis.jumps import surface_terms
 from teg.analysis.nest import Binder, Chain, nest
+from teg.analysis.powers import merged_powers, raised_powers
 from teg.analysis.sift import deltas_of, linear_part, without
 from teg.analysis.singularities import Field, Keys, Surface, field_of, find_surfaces, on_sides, sharp_nodes
 from teg.analysis.surfaces import bound_surface, open_surfaces, owned_surfaces, renamed_apart, restrict
@@ -186,8 +187,9 @@ def _integral(node: Integral, tangent: dict[Expr, Expr]) -> Expr:
 class Transport:
     """Derivatives, along one direction, of integrals whose integrands have singularities that move."""
 
-    def __init__(self, root: Expr, direction: Direction, sharp: Container[Node] | None = None) -> None:
+    def __init__(self, root: Expr, direction: Direction, sharp: Container[Node] | None = None, raises: bool = True) -> None:
         self.direction = direction
+        self._raises = raises
         self._root = root
         self._sharp = sharp
         self._keys = Keys()
@@ -211,7 +213,12 @@ class Transport:
             else:
                 whole = nest(weight, chain)
                 terms.append(_tangents(whole, self.direction)[whole])
-        return add(*terms)
+        raised, smooth = raised_powers(node) if self._raises else (node, ex.TRUE)
+        if raised is node:
+            return add(*terms)
+        moved = Transport(raised, self.direction, raises=False).of(cast(Integral, raised))
+        plain = _tangents(raised, self.direction)[raised] if moved is None else moved
+        return where(smooth, merged_powers(plain), add(*terms))
 
     def _rate(self, g: Expr) -> Expr:
         if g not in self._rates:

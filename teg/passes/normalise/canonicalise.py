@@ -19,13 +19,14 @@ Linear in the program, up to the few conditions that are hoisted.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from itertools import islice
 from typing import cast
 
 from teg.analysis.antiderivative import integrated
 from teg.analysis.coincidence import without_denominators
 from teg.analysis.expanded import shorter_form
+from teg.analysis.extents import extent
 from teg.analysis.jumps import assign
 from teg.analysis.kinks import Extremes, Kinks, kinks_of, value_nodes
 from teg.analysis.polynomial import Shadow
@@ -117,23 +118,21 @@ class Canonical:
         if len(factors) == 1 and sign and (level := without_threshold(mul(const(sign), factors[0]))) is not None:
             always, beyond, counts = level
             return disjunction(always, conjunction(counts, self._atom(beyond, strict, hoists)))
-        whole = mul(const(sign), factors[0]) if len(factors) == 1 and sign else g
+        varying, fixed = [f for f in factors if f.free], [f for f in factors if not f.free]
+        whole = mul(const(sign), varying[0]) if len(varying) == 1 and sign else g
         if self._keys.of(whole) not in self._singular and (polynomials := without_radical(whole, strict)) is not None:
-            return self._each_atom(polynomials, hoists)
+            if whole is g or not fixed:
+                return self._each_atom(polynomials, hoists)
+            opposite = without_radical(mul(MINUS_ONE, whole), strict)
+            sides = self._each_atom(polynomials, hoists), self._each_atom(cast(Cond, opposite), hoists)
+            return _product([self._surfaces.representative(f) for f in fixed], strict, sides)
         found = [self._representatives(factor) for factor in factors]
         surfaces, sign = without_squares([s for own, _ in found for s in own], sign)
         denominators, sign = without_squares([s for _, under in found for s in under], sign, parameters_too=True)
         surfaces += denominators
         if not surfaces:
             return TRUE if sign > 0 or (sign == 0 and not strict) else FALSE
-        above, below = _side(surfaces[-1], strict, sign > 0), _side(surfaces[-1], strict, sign < 0)
-        for surface in reversed(surfaces[:-1]):
-            plus, minus = _side(surface, strict, True), _side(surface, strict, False)
-            above, below = (
-                disjunction(conjunction(plus, above), conjunction(minus, below)),
-                disjunction(conjunction(plus, below), conjunction(minus, above)),
-            )
-        return above
+        return _product(surfaces[:-1], strict, (_side(surfaces[-1], strict, sign > 0), _side(surfaces[-1], strict, sign < 0)))
 
     def _each_atom(self, condition: Cond, hoists: int) -> Cond:
         """Returns a condition with its atoms canonical."""
@@ -280,11 +279,25 @@ def _has_formula(g: Expr) -> bool:
     return any(Shadow((v,)).degree(g) in (1, 2) for v in g.free)
 
 
+def _product(surfaces: Sequence[tuple[Expr, bool]], strict: bool, sides: tuple[Cond, Cond]) -> Cond:
+    """Returns the condition that the product of surfaces and of a factor, whose two sides are known, is positive."""
+    above, below = sides
+    for surface in reversed(surfaces):
+        plus, minus = _side(surface, strict, True), _side(surface, strict, False)
+        above, below = (
+            disjunction(conjunction(plus, above), conjunction(minus, below)),
+            disjunction(conjunction(plus, below), conjunction(minus, above)),
+        )
+    return above
+
+
 def _side(surface: tuple[Expr, bool], strict: bool, upward: bool) -> Cond:
     """Returns [g > 0] (or >=), or [g < 0], as a condition on the representative of a surface."""
     g, same = surface
     if isinstance(g, Const):
         return positive(g if upward else mul(MINUS_ONE, g), strict)
+    if strict and upward != same and not g.free and extent(g, {})[0] >= 0.0:
+        return FALSE
     return positive(g, strict) if upward == same else negation(positive(g, not strict))
 
 

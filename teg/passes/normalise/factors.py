@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from teg.analysis.calculus import SMOOTH
 from teg.analysis.coincidence import short_form
+from teg.analysis.extents import extent
 from teg.analysis.limits import is_square
 from teg.ir import expr as ex
 from teg.ir import simplify
@@ -25,6 +26,8 @@ def signed_factors(g: Expr) -> tuple[float, list[Expr]]:
                 return 1.0, [e]
         elif isinstance(e, Mul):
             stack.extend(reversed(e.children))
+        elif isinstance(e, Pow) and e.exponent < 0 and not e.free and (e.exponent % 2 == 0 or extent(e.base, {})[0] >= 0.0):
+            continue  # no sign where it is finite
         elif isinstance(e, Pow) and e.exponent % 2:
             stack.append(e.base)
         elif isinstance(e, Add) and _is_sum_of_squares(e):

@@ -9,6 +9,7 @@ import teg
 from teg.analysis.evaluate import values_of
 from teg.ir.expr import Call, Compare
 from teg.ir.node import postorder
+from teg.passes.normalise.canonicalise import canonicalise
 from teg.passes.normalise.radicals import without_radical
 
 x, y = teg.vars("x y")
@@ -56,3 +57,12 @@ def test_surfaces_of_one_degree_less_where_squares_cancel() -> None:
 @pytest.mark.parametrize("g", [teg.sqrt(x * x + y * y) - t, teg.sqrt(U) + teg.sqrt(V) - t, x * ROOT - t, ROOT + teg.sqrt(V) * k])
 def test_others_stay(g: teg.Expr) -> None:
     assert without_radical(g, True) is None
+
+
+def test_a_factor_without_variables_is_taken_off_first() -> None:
+    alone = canonicalise(teg.bracket(k * x + ROOT > 0))
+    assert canonicalise(teg.bracket((k * x + ROOT) / teg.sqrt(b) > 0)) is alone
+    assert canonicalise(teg.bracket((k * x + ROOT) / b**2 > 0)) is alone
+    either = canonicalise(teg.bracket((k * x + ROOT) / b > 0))
+    surfaces = {n.g for n in postorder([either]) if isinstance(n, Compare)}
+    assert surfaces == {n.g for n in postorder([alone]) if isinstance(n, Compare)} | {b}
