@@ -65,6 +65,9 @@ class Pieces:
         if self.features.ends_at_both(node):
             breaks += (self.out.number(mul(const(0.5), add(node.lo, node.hi)), home),)  # no piece is singular at both ends
         decisive = self._decisive(group, home)
+        for place in self.features.singular_places(node):
+            at, apart = self.out.number(place, home), self.scale(group, home)
+            breaks += tuple(self.out.assign(home, op, at, apart) for op in ("sub", "add"))  # no tail begins where it is singular
         bounded = not any(turn.kind in ("pole", "end") for turn in analysis.bends)
         for isolation in analysis.isolated:
             found = self.roots.breaks_in(node, isolation, home, when, soft=bounded and isolation.g not in decisive)
