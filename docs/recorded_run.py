@@ -219,7 +219,7 @@ class RecordedRun:
         for bend in stmt.bends:
             _check(bend)
             bends.append((bend.kind, *(_get(names, c) for c in bend.coefficients), _get(names, bend.when)))
-        return substitution(NUMPY, (np.array([p]), np.array([q])), Bends(_get(names, stmt.base), bends), rule.cubic, False, 1.0)
+        return substitution(NUMPY, (np.array([p]), np.array([q])), Bends(_get(names, stmt.base), bends), rule.cubic, None)
 
     def _adaptive(self, stmt: Integrate, rule: Adaptive, piece: Piece, places: Substitution, at: Any) -> np.ndarray:
         total, enough, used = np.zeros(len(stmt.values)), np.empty(0), 0

@@ -115,8 +115,8 @@ class Integrals:
                 way: list[str] = []
                 if bent:
                     bends = [(b, spell(b.when), [spell(c) for c in b.coefficients]) for b in stmt.bends]
-                    scale = spell(stmt.scale) if stmt.infinite else ""
-                    way = bent_piece(bends, spell(stmt.base), rule.cubic, stmt.infinite, scale)
+                    tail = [spell(stmt.scale)] * stmt.infinite + [spell(stmt.reach)] * stmt.is_slow
+                    way = bent_piece(bends, spell(stmt.base), rule.cubic, tail)
                 total = Sums(count, tested, len(stmt.watch), estimated, counted)
                 ends, noted = any(b.kind == "end" for b in stmt.bends), needs_context(stmt.body, False)
                 places = Places(bent, ends, noted, len(stmt.breaks) if _asks_neighbours(stmt) else 0)

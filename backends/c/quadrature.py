@@ -127,12 +127,14 @@ def middle_of_piece(infinite: bool, scale: str) -> str:
     return f"double x = teg_inside(p, q, {scale});" if infinite else f"double x = p + {INSIDE!r} * (q - p);"
 
 
-def bent_piece(bends: Sequence[tuple[Bend, str, Sequence[str]]], base: str, cubic: bool, infinite: bool, scale: str) -> list[str]:
-    """Returns the substitution of a piece: each bend with how its `when` and its coefficients are spelled."""
+def bent_piece(bends: Sequence[tuple[Bend, str, Sequence[str]]], base: str, cubic: bool, tail: Sequence[str]) -> list[str]:
+    """Returns the substitution of a piece: each bend with how its `when` and its coefficients are spelled; the scale of its tails and their
+    reach, if they have one, or nothing."""
     lines = ["teg_substitution way;", f"teg_straight(&way, p, q, {int(cubic)});"]
     for bend, when, coefficients in bends:
         lines.append(f"teg_bend(&way, '{bend.kind[0]}', {when}, {', '.join([base, *coefficients])});")
-    return [*lines, *(["teg_bent(&way);"] if bends else []), *([f"teg_tail(&way, {scale});"] if infinite else [])]
+    routine = "teg_slow_tail" if len(tail) > 1 else "teg_tail"
+    return [*lines, *(["teg_bent(&way);"] if bends else []), *([f"{routine}(&way, {', '.join(tail)});"] if tail else [])]
 
 
 def adaptive_piece(block: Sequence[str] | Nodes, rule: Adaptive, sums: Sums, places: Places, guard: GuardText | None = None) -> list[str]:

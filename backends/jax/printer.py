@@ -109,8 +109,10 @@ def _integral(stmt: Integrate, note: str) -> list[str]:
         case _:
             assert_never(stmt.rule)
     kinds = f"({inside(repr(b.kind) for b in stmt.bends)})"
-    pieces = f"rt.Pieces({len(stmt.values)}, {stmt.tested}, {bool(stmt.estimates)}, {kinds}, {cubic}, {stmt.infinite})"
-    of_bends = [stmt.base, stmt.scale, *(c for b in stmt.bends for c in b.coefficients)] if stmt.bends or stmt.infinite else []
+    pieces = f"rt.Pieces({len(stmt.values)}, {stmt.tested}, {bool(stmt.estimates)}, {kinds}, {cubic}, {stmt.infinite}, {stmt.is_slow})"
+    of_bends: list[Arg] = []
+    if stmt.bends or stmt.infinite:
+        of_bends = [stmt.base, stmt.scale, *[stmt.reach] * stmt.is_slow, *(c for b in stmt.bends for c in b.coefficients)]
     arguments = [pieces, *options, f"({inside(map(_text, (stmt.lo, stmt.hi, *stmt.breaks)))})"]
     blocks, lines = _blocks_of(stmt)
     arguments += [f"({inside(map(_text, of_bends))})", f"({inside(blocks)})"] + ([f"when={stmt.when}"] if stmt.when else [])

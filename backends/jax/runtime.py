@@ -19,7 +19,7 @@ from teg.backends.jax import entries
 from teg.backends.jax.arrays import JAX
 from teg.backends.jax.while_loops import while_loop
 from teg.backends.shared import error_function, rules
-from teg.backends.shared.bends import Bends, Substitution, inside, possible_kinds, substitution
+from teg.backends.shared.bends import Bends, Substitution, Tail, inside, possible_kinds, substitution
 from teg.numerics.quadrature import gauss_legendre
 from teg.program import INSIDE, ROUNDING
 
@@ -100,8 +100,8 @@ def rows(body: Callable[..., tuple[tuple[Scalar, ...], Note]], columns: Sequence
 
 
 class Pieces(NamedTuple):
-    """What an integral has beside its body: `values` of which `tested` count, estimates if `estimated`, kinds of bends, tails; an
-    `adaptive` rule asks for neighbours."""
+    """What an integral has beside its body: `values` of which `tested` count, estimates if `estimated`, kinds of bends, tails, which may be
+    slow; an `adaptive` rule asks for neighbours."""
 
     values: int
     tested: int
@@ -109,11 +109,12 @@ class Pieces(NamedTuple):
     kinds: tuple[str, ...] = ()
     cubic: bool = False
     infinite: bool = False
+    slow: bool = False
     adaptive: bool = False
 
     @property
     def ways(self) -> tuple[int, ...]:
-        return possible_kinds(self.kinds, self.cubic, self.infinite)
+        return possible_kinds(self.kinds, self.cubic, self.infinite, self.slow)
 
     @property
     def results(self) -> int:
@@ -139,8 +140,8 @@ def integrate(
     *,
     when: Scalar,
 ) -> tuple[tuple[Scalar, ...], Note]:
-    """The results, and the note; `ends`: the bounds, then breaks; `bends`: base, scale, and three coefficients a bend, or nothing;
-    `blocks`: the flags or None, the body, and what they have in common (`in_common`) if there is such."""
+    """The results, and the note; `ends`: the bounds, then breaks; `bends`: base, scale, reach of slow tails, and three coefficients a bend,
+    or nothing; `blocks`: the flags or None, the body, and what they have in common (`in_common`) if there is such."""
     (lo, hi), breaks, (flags, body, *common) = (jnp.asarray(v, jnp.float64) for v in ends[:2]), ends[2:], blocks
     bounds = jnp.stack([lo, hi])
     broken = jnp.any(jnp.isnan(bounds) if pieces.infinite else ~jnp.isfinite(bounds))
@@ -152,6 +153,8 @@ def integrate(
     if pieces.adaptive and breaks:
         near = rules.neighbours(JAX, points, entries.stacked(breaks))
     base, scale, *coefficients = bends or (0.0, 1.0)
+    reach, *coefficients = coefficients if pieces.slow else (None, *coefficients)
+    tail = Tail(scale, reach) if pieces.infinite else None
 
     def piece(p: Scalar, q: Scalar, *neighbours: Scalar) -> tuple[Any, Note]:
         active = when & ~broken & rules.is_wide(jnp, p, q)
@@ -162,7 +165,7 @@ def integrate(
             need, counts, flagged, note = flags(inside(jnp, p, q, INSIDE, pieces.infinite, scale), p, q)
         bent = [(kind, *coefficients[3 * i : 3 * i + 3], counts[i]) for i, kind in enumerate(pieces.kinds)]
         of_bends = Bends(base, bent)
-        places = substitution(JAX, (p, q), of_bends, pieces.cubic, pieces.infinite, scale)
+        places = substitution(JAX, (p, q), of_bends, pieces.cubic, tail)
         sums, note_body = rule(OnPiece(places, body, flagged, neighbours, late), of_bends, active & need)
         return sums, where(active, note) | note_body
 

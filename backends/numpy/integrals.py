@@ -18,14 +18,15 @@ from teg.backends.numpy.arrays import NUMPY
 from teg.backends.numpy.lanes import Array, Block, Run, Value, cut, gather, on_lanes, parts, scatter
 from teg.backends.numpy.pieces import Pieces
 from teg.backends.shared import rules
-from teg.backends.shared.bends import Bends, Substitution, inside, substitution
+from teg.backends.shared.bends import Bends, Substitution, Tail, inside, substitution
 from teg.backends.shared.rules import rounding
 from teg.numerics.quadrature import gauss_legendre
 from teg.program import INSIDE, ROUNDING
 
 
 class _Outside(NamedTuple):
-    """What comes from outside of an integral, a value a lane: base, scale and coefficients of bends, and what `flags` and `body` take."""
+    """What comes from outside of an integral, a value a lane: base, scale, reach and coefficients of bends, what `flags` and `body`
+    take."""
 
     bends: Sequence[Array]
     for_flags: Sequence[Array]
@@ -39,7 +40,7 @@ class Integral:
     `flags` and `body` are printed blocks, `values` the number of values, `piece_width` and `node_width` the doubles that a piece and a
     node take. The first `tested` values count for the error, and have estimates if these are `estimated`. `bends` are the kinds of the
     bends; `flags` returns the need, when each bend counts, and what `body` takes; it asks for the `ends` of a piece too, or does not.
-    `leaf`: there is no integral inside.
+    Tails of an `infinite` integral may be `slow`: they have a reach. `leaf`: there is no integral inside.
     """
 
     flags: Block | None
@@ -51,6 +52,7 @@ class Integral:
     node_width: int
     leaf: bool
     infinite: bool = False
+    slow: bool = False
     bends: tuple[str, ...] = ()
     ends: bool = False
 
@@ -68,7 +70,8 @@ class Integral:
         for_body: tuple[Value, ...],
         when: Value = True,
     ) -> tuple[Value, ...]:
-        """Returns the results, of the arguments' common shape; `ends`: the bounds, then breaks; `bends`: base, scale, coefficients;
+        """Returns the results, of the arguments' common shape; `ends`: the bounds, then breaks; `bends`: base, scale, reach if slow,
+        coefficients;
         `for_…`: what blocks take from outside."""
         first, second = len(ends) + len(bends), len(ends) + len(bends) + len(for_flags)
 
@@ -104,21 +107,24 @@ class Integral:
         """Returns the sums over the pieces of each lane, (results, lanes), from their `ends`, and whether there are neighbours."""
         (p, q, *neighbours), (of_bends, for_flags, for_body) = ends, outside
         flagged: list[Value] = []
-        base, scale, *coefficients = (gather(v, lane) for v in of_bends) if of_bends else (0.0, 1.0)
+        base, *numbers = (gather(v, lane) for v in of_bends) if of_bends else (0.0, 1.0)
         if self.flags is not None and p.size:
             asked = (p, q) if self.ends else ()
-            need, *flagged = self.flags(run, inside(np, p, q, INSIDE, self.infinite, scale), *asked, *(gather(v, lane) for v in for_flags))
+            need, *flagged = self.flags(
+                run, inside(np, p, q, INSIDE, self.infinite, numbers[0]), *asked, *(gather(v, lane) for v in for_flags)
+            )
             if not np.all(need):
                 kept = np.flatnonzero(np.broadcast_to(need, p.shape))
-                p, q, lane, base, scale, *coefficients = (gather(v, kept) for v in (p, q, lane, base, scale, *coefficients))
+                p, q, lane, base, *numbers = (gather(v, kept) for v in (p, q, lane, base, *numbers))
                 neighbours = [gather(v, kept) for v in neighbours]
                 flagged = [gather(v, kept) for v in flagged]
         if not p.size:
             return np.zeros((self.results, lanes))
         active, flagged = flagged[: len(self.bends)], flagged[len(self.bends) :]
         values = [*(gather(v, lane) for v in for_body), *flagged]
+        tail, coefficients = Tail(*numbers[: 1 + self.slow]), numbers[1 + self.slow :]
         bends = Bends(base, [(kind, *coefficients[3 * i : 3 * i + 3], active[i]) for i, kind in enumerate(self.bends)])
-        pieces = Pieces(run, self._places(p, q, bends, scale), values, (neighbours[0], neighbours[1]))
+        pieces = Pieces(run, self._places(p, q, bends, tail), values, (neighbours[0], neighbours[1]))
         return scatter(self._rule(pieces, bends), lane, lanes)
 
     @property
@@ -131,8 +137,8 @@ class Integral:
         """Whether pieces without a bend have the substitution with flat ends."""
         return False
 
-    def _places(self, p: Array, q: Array, bends: Bends, scale: Value) -> Substitution:
-        return substitution(NUMPY, (p, q), bends, self.is_cubic, not np.isfinite(q - p).all(), scale)
+    def _places(self, p: Array, q: Array, bends: Bends, tail: Tail) -> Substitution:
+        return substitution(NUMPY, (p, q), bends, self.is_cubic, None if np.isfinite(q - p).all() else tail)
 
     def _rule(self, pieces: Pieces, bends: Bends) -> Array:
         """Returns the integrals over the pieces, and the estimates of their errors, (results, pieces)."""

@@ -210,11 +210,11 @@ def depth(block: tuple[Stmt, ...]) -> int:
 
 
 def of_bends(stmt: Integrate) -> list[Arg]:
-    """Returns the arguments that the bends and tails of an integral take from outside: its base and scale, and the coefficients of each
-    bend; none if it has neither."""
+    """Returns the arguments that the bends and tails of an integral take from outside: its base, scale and reach, and the coefficients of
+    each bend; none if it has neither."""
     if not stmt.bends and not stmt.infinite:
         return []
-    return [stmt.base, stmt.scale, *(c for b in stmt.bends for c in b.coefficients)]
+    return [stmt.base, stmt.scale, *[stmt.reach] * stmt.is_slow, *(c for b in stmt.bends for c in b.coefficients)]
 
 
 class _Printer:
@@ -294,7 +294,7 @@ class _Printer:
         leaf = not any(isinstance(s, Integrate | Sample | Polygon | Polyhedron | Segment) for s in compound(stmt.body))
         counts = f"values={len(stmt.values)}, tested={stmt.tested}, estimated={bool(stmt.estimates)!r}, leaf={leaf!r}"
         fields = f"flags={flags}, body={body}, {counts}, piece_width={piece_width}, node_width={node_width}, infinite={stmt.infinite!r}"
-        fields += ", ends=True" if stmt.ends else ""
+        fields += ", slow=True" * stmt.is_slow + ", ends=True" * bool(stmt.ends)
         bends = f"bends=({inside(repr(b.kind) for b in stmt.bends)})"
         self.lines += ["", "", f"integral_{number} = {kind}(", f"    {fields},", f"    {bends}, {rule}", ")"]
 

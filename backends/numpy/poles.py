@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from teg.backends.numpy.integrals import Integral
-from teg.backends.numpy.lanes import Array, Value, cut, parts
+from teg.backends.numpy.lanes import Array, cut, parts
 from teg.backends.numpy.pieces import Pieces
-from teg.backends.shared.bends import Bends, Substitution
+from teg.backends.shared.bends import Bends, Substitution, Tail
 from teg.backends.shared.poles import pole_at, pole_weights
 from teg.backends.shared.rules import rounding
 from teg.numerics.quadrature import gauss_legendre, null_rules
@@ -23,8 +23,8 @@ class RationalIntegral(Integral):
     nodes: int = 1
     power: int = 1
 
-    def _places(self, p: Array, q: Array, bends: Bends, scale: Value) -> Substitution:
-        return Integral._places(self, p, q, Bends(bends.base), scale)
+    def _places(self, p: Array, q: Array, bends: Bends, tail: Tail) -> Substitution:
+        return Integral._places(self, p, q, Bends(bends.base), tail)
 
     def _rule(self, pieces: Pieces, bends: Bends) -> Array:
         run, places, values = pieces.run, pieces.places, pieces.values

@@ -11,9 +11,9 @@ from functools import partial
 from typing import Any, NamedTuple
 
 from teg.backends.shared.arrays import Arrays, Values
-from teg.program import AT_END, FAR, NEAR, POLE
+from teg.program import AT_END, AT_REACH, BEYOND, FAR, NEAR, POLE
 
-LINE, CUBIC, SQUARE, SINE, COSH, SINH, EXP, POWER, TAIL = range(9)
+LINE, CUBIC, SQUARE, SINE, COSH, SINH, EXP, POWER, TAIL, SLOW_TAIL = range(10)
 Bend = tuple[str, Any, Any, Any, Any]
 """Kind, c₀, c₁, c₂, and where the bend counts."""
 
@@ -41,24 +41,33 @@ class Substitution(NamedTuple):
         return Substitution(*(field[index] for field in self))
 
 
-def functions(xp: Any) -> dict[int, Callable[[Any], tuple[Any, Any]]]:
-    """Returns φ and its derivative, by kind."""
+def functions(xp: Any) -> dict[int, Callable[[Any, Any], tuple[Any, Any]]]:
+    """Returns φ and its derivative, by kind, of t and the step."""
     return {
-        LINE: lambda t: (t, xp.ones_like(t)),
-        CUBIC: lambda t: (t * t * (3.0 - 2.0 * t), 6.0 * t * (1.0 - t)),
-        SQUARE: lambda t: (t * t, 2.0 * t),
-        SINE: lambda t: (xp.sin(t), xp.cos(t)),
-        COSH: lambda t: (xp.cosh(t), xp.sinh(t)),
-        SINH: lambda t: (xp.sinh(t), xp.cosh(t)),
-        EXP: lambda t: (xp.exp(t), xp.exp(t)),
-        POWER: lambda t: (t * t * t * t * t * t, 6.0 * (t * t * t * t * t)),
-        TAIL: lambda t: (t / (1.0 - t), 1.0 / ((1.0 - t) * (1.0 - t))),
+        LINE: lambda t, _: (t, xp.ones_like(t)),
+        CUBIC: lambda t, _: (t * t * (3.0 - 2.0 * t), 6.0 * t * (1.0 - t)),
+        SQUARE: lambda t, _: (t * t, 2.0 * t),
+        SINE: lambda t, _: (xp.sin(t), xp.cos(t)),
+        COSH: lambda t, _: (xp.cosh(t), xp.sinh(t)),
+        SINH: lambda t, _: (xp.sinh(t), xp.cosh(t)),
+        EXP: lambda t, _: (xp.exp(t), xp.exp(t)),
+        POWER: lambda t, _: (t * t * t * t * t * t, 6.0 * (t * t * t * t * t)),
+        TAIL: lambda t, _: (t / (1.0 - t), 1.0 / ((1.0 - t) * (1.0 - t))),
+        SLOW_TAIL: partial(_slow_tail, xp),
     }
 
 
-def possible_kinds(bends: Sequence[str], cubic: bool, infinite: bool) -> tuple[int, ...]:
-    """Returns the kinds of substitution that bends of these kinds can ask for."""
-    kinds = {LINE} | ({CUBIC} if cubic or len(bends) > 1 else set()) | ({TAIL} if infinite else set())
+def _slow_tail(xp: Any, t: Any, step: Any) -> tuple[Any, Any]:
+    reach = xp.abs(step)
+    left, last = xp.maximum(1.0 - t / reach, 2.0**-53), 1.0 / (1.0 + AT_REACH)
+    exponent = xp.minimum(t / AT_REACH / left, reach)
+    return xp.sinh(exponent), xp.cosh(exponent) / (AT_REACH * left * xp.where(left > last, left, BEYOND * last))
+
+
+def possible_kinds(bends: Sequence[str], cubic: bool, infinite: bool, slow: bool) -> tuple[int, ...]:
+    """Returns the kinds of substitution that bends of these kinds can ask for, and tails, which may be slow."""
+    kinds = {LINE} | ({CUBIC} if cubic or len(bends) > 1 else set())
+    kinds |= {SLOW_TAIL if slow else TAIL} if infinite else set()
     for bend in bends:
         kinds |= {EXP, SINH} if bend == "pole" else {SQUARE, SINE, COSH, SINH} | ({POWER} if bend == "end" else set())
     return tuple(sorted(kinds))
@@ -69,9 +78,9 @@ def place(arrays: Arrays, s: Substitution, kinds: Iterable[int], u: Any) -> tupl
     xp, phis = arrays.xp, functions(arrays.xp)
     t = s.start + s.step * u
     first, *others = kinds
-    values: Values = phis[first](t)
+    values: Values = phis[first](t, s.step)
     for kind in others:
-        values = arrays.choose(s.kind == kind, phis[kind], (t,), values)
+        values = arrays.choose(s.kind == kind, phis[kind], (t, s.step), values)
     phi, slope = values
     at = s.centre + s.radius * phi
     at = xp.where(at > s.p, at, _beside(xp, s.p, s.q))
@@ -93,18 +102,26 @@ def inside(xp: Any, p: Any, q: Any, part: float, infinite: bool, scale: Any) -> 
     return xp.where(xp.isneginf(p), q - scale * ((1.0 - part) / part), right)
 
 
-def substitution(arrays: Arrays, ends: tuple[Any, Any], bends: Bends, cubic: bool, infinite: bool, scale: Any) -> Substitution:
-    """Returns the substitution of each piece, p to q; `infinite`: pieces may be tails, of that `scale`."""
+class Tail(NamedTuple):
+    """The scale of tails, and their reach; None where they have none."""
+
+    scale: Any
+    reach: Any = None
+
+
+def substitution(arrays: Arrays, ends: tuple[Any, Any], bends: Bends, cubic: bool, tail: Tail | None) -> Substitution:
+    """Returns the substitution of each piece, p to q; `tail`: pieces may be tails."""
     xp, (p, q) = arrays.xp, ends
     kind = xp.full_like(p, CUBIC if cubic else LINE, dtype=xp.int32)
     result = Substitution(p, q, kind, p, q - p, xp.zeros_like(p), xp.ones_like(p))
     if bends.each:
         result = _bent(arrays, result, bends)
-    if infinite:
-        left, tail = xp.isneginf(p), ~xp.isfinite(q - p)
+    if tail is not None:
+        left, endless = xp.isneginf(p), ~xp.isfinite(q - p)
         sign, zero = xp.where(left, -1.0, 1.0), xp.where(left, 1.0, 0.0)
-        end = Substitution(p, q, TAIL, xp.where(left, q, p), sign * scale, zero, sign)
-        result = Substitution(*(xp.where(tail, new, old) for new, old in zip(end, result, strict=True)))
+        whole, way = (1.0, TAIL) if tail.reach is None else (tail.reach, SLOW_TAIL)
+        end = Substitution(p, q, way, xp.where(left, q, p), sign * tail.scale, zero * whole, sign * whole)
+        result = Substitution(*(xp.where(endless, new, old) for new, old in zip(end, result, strict=True)))
     return result
 
 

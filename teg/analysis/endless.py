@@ -103,7 +103,7 @@ def _power_of(value: Expr, x: Var) -> Expr | None:
         case Call() if value.name == "pow" and x not in value.children[1].free:
             return value.children[1]
         case Call() if value.name in ("exp", "cosh"):
-            if (factor := _factor_of_logarithm(value.children[0], x)) is not None:
+            if (factor := factor_of_logarithm(value.children[0], x)) is not None:
                 return call("magnitude", factor)
             rate = _slope_times(x, value.children[0])
             return None if rate is None or x in rate.free else call("magnitude", rate)
@@ -111,7 +111,7 @@ def _power_of(value: Expr, x: Var) -> Expr | None:
             return None
 
 
-def _factor_of_logarithm(u: Expr, x: Var) -> Expr | None:
+def factor_of_logarithm(u: Expr, x: Var) -> Expr | None:
     """Returns the factor k of u = k·log v + c, where only v depends on x; None for other functions."""
     terms = [e for e in (u.children if isinstance(u, Add) else (u,)) if x in e.free]
     factors = terms[0].children if len(terms) == 1 and isinstance(terms[0], Mul) else tuple(terms)

@@ -27,6 +27,8 @@ a dataclass whose fields have roles (`teg.program.fields`): walks, renaming, dea
 from teg.program.limits import (
     ABSOLUTE_FLOOR,
     AT_END,
+    AT_REACH,
+    BEYOND,
     BOX_COST,
     CANCELLED,
     CANCELS,
@@ -127,6 +129,8 @@ from teg.program.walk import (
 __all__ = [
     "ABSOLUTE_FLOOR",
     "AT_END",
+    "AT_REACH",
+    "BEYOND",
     "BOX_COST",
     "CANCELLED",
     "CANCELS",

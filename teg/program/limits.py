@@ -70,6 +70,10 @@ NEIGHBOUR = 2.0**-4
 """A break beyond an end of a piece, within this part of its length, is a neighbour: if it is a branch point, the nodes do not see it."""
 FAR = 64.0
 """The size of a zero that is too far to count beside another one: what it costs is less than the rounding of large numbers."""
+AT_REACH = 128.0
+"""A slow tail goes with the logarithm of its places up to u = AT_REACH/(1 + AT_REACH), where that is the reach."""
+BEYOND = 16.0
+"""The weight of all that lies beyond is smaller by this factor: what falls off is not spoilt, what does not diverges."""
 NEAR = 6.0 + 1.0 / 6.0
 """The size of a bend whose ellipse is ρ = 6: Gauss-Legendre with 12 nodes errs there by 6⁻²⁴."""
 

@@ -50,7 +50,10 @@ class Bend:
     inside by at most 1e-9·L is moved to the end there. The place of u on a piece is the first of these that applies, t being linear in u;
     nodes are kept within (p, q), one that is not becomes the next normal number inside:
 
-        a tail, q or p infinite      p + scale·u/(1 - u),   q - scale·(1 - u)/u
+        a tail, q infinite           p + scale·u/(1 - u)
+          with a reach R             p + scale·sinh(min(R, R·u/(AT_REACH·(1 - u))))
+                                     beyond the reach dv/du goes on as 1/(BEYOND·(1 - u))
+        a tail, p infinite           q - the same of 1 - u
         the nearest bend with s < NEAR:
         "root", one zero             y ± t²                      √D is t
         "root", two real zeros       m + h·sin t  between them,  m ± h·cosh t  beyond them
@@ -105,7 +108,9 @@ class Integrate:
     If lo or hi is NaN, or infinite in an integral that is not `infinite`, every result is NaN. Each
     break is clamped to the interval (one that is NaN is absent), and pieces (p, q) thinner than PIECE_EPS·max(|p|, |q|) are skipped.
     `flags`, what is constant on an open piece, is run with var at its part INSIDE and `ends`, if there are any, at p and q; the piece is
-    skipped if `need` then fails. `scale` is the length of a tail, where q - p is infinite.
+    skipped if `need` then fails. `scale` is the length of a tail, where q - p is infinite. The `reach`, a positive number, is for values
+    that fall off like a power of v that is no integer, or is not known: in the logarithm of v they fall off like an exponential. It is
+    the logarithm of the largest place, in units of the scale, at which the values are looked at; the literal 0 for tails without it.
 
     `tested` of the values decide how fine the pieces are cut, and have `estimates` of their errors. `watch` names signs in `body`, of
     conditions that may change where no break is known (rule Adaptive only). On an interval `body` is then also run at the two ends; of
@@ -133,11 +138,17 @@ class Integrate:
     estimates: Annotated[tuple[str, ...], Result(each=True)] = ()
     guard: Annotated[Guard | None, Part()] = None
     ends: Annotated[tuple[str, ...], Variable(("flags",))] = ()
+    reach: Annotated[Arg, NUMBER] = 0.0
 
     @property
     def tested(self) -> int:
         """Returns the number of the values that count for the error: those with estimates, or all."""
         return len(self.estimates) or len(self.values)
+
+    @property
+    def is_slow(self) -> bool:
+        """Returns whether the tails have a reach."""
+        return self.infinite and self.reach != 0.0
 
     @property
     def at_nodes(self) -> tuple[Arg, ...]:

@@ -62,12 +62,15 @@ def integrate(
     infinite: bool = False,
     scale: Arg = 1.0,
     estimates: str = "",
+    reach: Arg = 0.0,
 ) -> Integrate:
     """An integral that watches the signs of conditions; the names of its results, and those of its estimates, are in one string each."""
     named, errors = tuple(results.split()), tuple(estimates.split())
     signs = tuple(f"v7{condition[1:]}" for condition in watch)
     body += tuple(let(sign, "select", condition, 1.0, -1.0) for sign, condition in zip(signs, watch, strict=True))
-    return Integrate(var, lo, hi, breaks, flags, need, body, values, named, rule, when, signs, bends, base, infinite, scale, errors)
+    return Integrate(
+        var, lo, hi, breaks, flags, need, body, values, named, rule, when, signs, bends, base, infinite, scale, errors, reach=reach
+    )
 
 
 def operation(op: str, args: tuple[Arg, ...], columns: tuple[Row, ...], expected: Row, n: int = 1) -> Case:

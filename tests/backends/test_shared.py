@@ -11,7 +11,7 @@ import pytest
 from teg.backends.numpy.arrays import NUMPY, places_of
 from teg.backends.shared import polygons, rules
 from teg.backends.shared.arrays import Arrays
-from teg.backends.shared.bends import CUBIC, LINE, TAIL, Bends, Substitution, place, possible_kinds, substitution
+from teg.backends.shared.bends import CUBIC, LINE, SLOW_TAIL, TAIL, Bends, Substitution, Tail, place, possible_kinds, substitution
 from teg.backends.shared.poles import pole_at, pole_weights
 from teg.backends.shared.roots import Ends, Halving, examined, excluded, newton_step, next_halving, plane_step, refuted
 from teg.backends.shared.samples import Points, coordinate
@@ -20,6 +20,7 @@ from tests.backends.test_bends import random_places
 Array = npt.NDArray[np.float64]
 CLOSE: dict[str, Any] = {"rtol": 1e-12, "atol": 1e-13}
 KINDS = ("root", "end", "pole")
+RATIONAL, SLOW = Tail(2.0), Tail(2.0, 325.0)
 
 
 @pytest.fixture
@@ -29,7 +30,7 @@ def jax_arrays(x64: None) -> Arrays:
     return JAX
 
 
-def bent(arrays: Arrays, kinds: tuple[str, ...]) -> Substitution:
+def bent(arrays: Arrays, kinds: tuple[str, ...], tail: Tail = RATIONAL) -> Substitution:
     """Pieces with a bend of each kind, the last two of them tails."""
     bends = []
     for kind in kinds:
@@ -39,26 +40,29 @@ def bent(arrays: Arrays, kinds: tuple[str, ...]) -> Substitution:
     p[-2], q[-1] = -np.inf, np.inf
     with np.errstate(all="ignore"):
         p, q, base = map(arrays.xp.asarray, (p, q, base))
-        return substitution(arrays, (p, q), Bends(base, bends), False, True, 2.0)
+        return substitution(arrays, (p, q), Bends(base, bends), False, tail)
 
 
 @pytest.mark.parametrize("kinds", [*((kind,) for kind in KINDS), ("end", "end"), KINDS], ids="+".join)
 def test_substitutions(kinds: tuple[str, ...], jax_arrays: Arrays) -> None:
     import jax as of_jax
 
-    numpy, jax = bent(NUMPY, kinds), of_jax.jit(lambda: bent(jax_arrays, kinds))()
+    slow = len(kinds) > 1
+    tail = SLOW if slow else RATIONAL
+    numpy, jax = bent(NUMPY, kinds, tail), of_jax.jit(lambda: bent(jax_arrays, kinds, tail))()
     np.testing.assert_array_equal(numpy.kind, jax.kind)
-    assert set(numpy.kind) <= set(possible_kinds(kinds, False, True))
-    assert set(numpy.kind[-2:]) == {TAIL}
+    assert set(numpy.kind) <= set(possible_kinds(kinds, False, True, slow))
+    assert set(numpy.kind[-2:]) == {SLOW_TAIL if slow else TAIL}
     for name in ("centre", "radius", "start", "step"):
         np.testing.assert_allclose(getattr(numpy, name), getattr(jax, name), err_msg=name, **CLOSE)
 
 
 @pytest.mark.parametrize("kinds", [KINDS, ("end",)], ids="+".join)
 def test_places(kinds: tuple[str, ...], jax_arrays: Arrays) -> None:
-    s = bent(NUMPY, kinds)
+    slow = len(kinds) > 1
+    s = bent(NUMPY, kinds, SLOW if slow else RATIONAL)
     u = np.linspace(0.0, 1.0, 7)[1:-1, None] + np.zeros(s.p.size)
-    numpy, jax = places_of(s, u), place(jax_arrays, s, possible_kinds(kinds, False, True), u)
+    numpy, jax = places_of(s, u), place(jax_arrays, s, possible_kinds(kinds, False, True, slow), u)
     for n, j in zip(numpy, jax, strict=True):
         np.testing.assert_allclose(n, j, rtol=1e-11, atol=1e-13)
     assert ((numpy[0] > s.p) & (numpy[0] < s.q)).all()
@@ -126,7 +130,7 @@ def test_formulas(jax_arrays: Arrays) -> None:
 def test_a_straight_piece_is_a_line_or_flat_at_its_ends() -> None:
     p, q = np.array([0.0, 1.0]), np.array([2.0, 5.0])
     for cubic, kind in ((False, LINE), (True, CUBIC)):
-        s = substitution(NUMPY, (p, q), Bends(), cubic, False, 1.0)
+        s = substitution(NUMPY, (p, q), Bends(), cubic, None)
         assert set(s.kind) == {kind}
         np.testing.assert_allclose(places_of(s, np.full((1, 2), 0.5))[0], [[1.0, 3.0]])
 

@@ -385,6 +385,12 @@ IN_PASSES: tuple[Mutant, ...] = (
         ("the key that is less beyond", "slope > steepest + arrangement.flat", "slope < steepest + arrangement.flat"),
     ),
     *mutants(
+        "teg/analysis/decay.py",
+        ("tests/analysis/test_decay.py",),
+        ("terms whose powers differ by a fraction", "and all((n - numbers[0]).is_integer() for n in numbers)", ""),
+        ("what an exponential settles", "growth.degree.data <= 0.0 and not", "growth.degree.data <= 1.0 and not"),
+    ),
+    *mutants(
         "teg/numerics/arcs.py",
         ("tests/numerics/test_arcs.py",),
         ("the longest arc", "return 2.0 * wave / max(degree, 1)", "return 4.0 * wave / max(degree, 1)"),

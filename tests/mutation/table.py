@@ -271,6 +271,7 @@ MUTANTS: tuple[Mutant, ...] = (
         SUBSTITUTED,
         ("derivative of a cubic place", "6.0 * t * (1.0 - t)", "6.0 * t"),
         ("derivative of a tail", "1.0 / ((1.0 - t) * (1.0 - t))", "1.0 / (1.0 - t)"),
+        ("derivative of a slow tail", "xp.cosh(exponent) / (AT_REACH * left", "xp.cosh(exponent) / (AT_REACH"),
         ("derivative of cosh", "(xp.cosh(t), xp.sinh(t))", "(xp.cosh(t), xp.cosh(t))"),
         ("derivative of a sixth power", "6.0 * (t * t * t * t * t)", "t * t * t * t * t"),
     ),

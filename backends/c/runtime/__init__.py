@@ -30,6 +30,8 @@ from teg.numerics.cells import ROUNDING as KEY_ROUNDING
 from teg.numerics.polyhedra import SIDES, box_edges
 from teg.program import (
     AT_END,
+    AT_REACH,
+    BEYOND,
     BOX_COST,
     CANCELLED,
     CANCELS,
@@ -159,6 +161,8 @@ LIMITS = {
     "TEG_PI": math.pi,
     "TEG_LARGEST_RATIO": LARGEST_RATIO,
     "TEG_SADDLE": SADDLE,
+    "TEG_BEYOND": BEYOND,
+    "TEG_AT_REACH": AT_REACH,
     "TEG_SMALLEST": SMALLEST,
     "TEG_ISOLATE_DEPTH": ISOLATE_DEPTH,
     "TEG_ISOLATE_WIDTH": ISOLATE_WIDTH,

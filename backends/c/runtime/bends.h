@@ -3,7 +3,7 @@
 //: teg_substitution
 /* Where u in (0, 1) is on a piece (p, q), and how fast it goes: centre + radius*phi(start + step*u), phi by kind. */
 typedef struct {
-    enum { TEG_LINE, TEG_CUBIC, TEG_SQUARE, TEG_SINE, TEG_COSH, TEG_SINH, TEG_EXP, TEG_POWER, TEG_TAIL } kind;
+    enum { TEG_LINE, TEG_CUBIC, TEG_SQUARE, TEG_SINE, TEG_COSH, TEG_SINH, TEG_EXP, TEG_POWER, TEG_TAIL, TEG_SLOW_TAIL } kind;
     int at_p, at_q, both, number;
     double p, q, centre, radius, start, step, nearest;
 } teg_substitution;
@@ -34,6 +34,17 @@ static inline void teg_tail(teg_substitution *s, double scale)
     s->radius = left ? -scale : scale;
     s->start = left ? 1.0 : 0.0;
     s->step = left ? -1.0 : 1.0;
+}
+
+//: teg_slow_tail
+/* A tail on which values fall off like a power, if the piece is one. */
+static inline void teg_slow_tail(teg_substitution *s, double scale, double reach)
+{
+    teg_tail(s, scale);
+    if (s->kind != TEG_TAIL) return;
+    s->kind = TEG_SLOW_TAIL;
+    s->start *= reach;
+    s->step *= reach;
 }
 
 //: teg_inside
@@ -228,6 +239,13 @@ static double teg_place(const teg_substitution *s, double u, double *slope)
     case TEG_EXP: place = rate = exp(t); break;
     case TEG_POWER: place = t * t * t * t * t * t; rate = 6.0 * (t * t * t * t * t); break;
     case TEG_TAIL: place = t / (1.0 - t); rate = 1.0 / ((1.0 - t) * (1.0 - t)); break;
+    case TEG_SLOW_TAIL: {
+        const double reach = fabs(s->step), left = fmax(1.0 - t / reach, 0x1p-53);
+        const double exponent = fmin(t / TEG_AT_REACH / left, reach), last = 1.0 / (1.0 + TEG_AT_REACH);
+        place = sinh(exponent);
+        rate = cosh(exponent) / (TEG_AT_REACH * left * (left > last ? left : TEG_BEYOND * last));
+        break;
+    }
     default: place = t; rate = 1.0; break;
     }
     *slope = s->radius * s->step * rate;

@@ -246,10 +246,10 @@ class _Integrals:
         self.guards.note_peaks(group, home)
         results = tuple(self.out.fresh("v") for _ in group)
         flags, body = tuple(level.middle.block), tuple(level.block)
-        scale = self.pieces.scale(group, home) if infinite else 1.0
+        scale, reach = (self.pieces.scale(group, home), self.pieces.reach(group, home)) if infinite else (1.0, 0.0)
         used = {a for s in flags if isinstance(s, Assign) for a in s.args}
         integral = Integrate(var, lo, hi, breaks, flags, need, body, values, results, rule, when, watch, bends, base, infinite, scale)
-        home.block.append(replace(integral, guard=guard, ends=ends if used.intersection(ends) else ()))
+        home.block.append(replace(integral, guard=guard, ends=ends if used.intersection(ends) else (), reach=reach))
         self.out.ranges = around
         if weight is ONE:
             return results

@@ -11,12 +11,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import reduce
 from itertools import combinations
 from typing import cast
 
 from teg.analysis.breaks import MAX_BENDS, Breaks
 from teg.analysis.calculus import slope
 from teg.analysis.centres import NARROW, Centre
+from teg.analysis.decay import steepest_of_slow
 from teg.analysis.projection import Turn
 from teg.analysis.roots import local_origin
 from teg.analysis.surfaces import atoms_of
@@ -40,6 +42,8 @@ RESOLVED = 64 * 2.0**-52
 """A feature that is narrower, relative to its place, is lost in the rounding of places."""
 NEAR = 8.0
 """A centre that is nearer than so many of its widths to a bound, or to another centre, is seen by the nodes around that."""
+REACH = 650.0
+"""The logarithm of the largest number that is computed at the nodes of a slow tail. Half of it is enough for x^-1.1 to fall to 1e-14."""
 
 
 class Pieces:
@@ -61,6 +65,9 @@ class Pieces:
         if self.features.ends_at_both(node):
             breaks += (self.out.number(mul(const(0.5), add(node.lo, node.hi)), home),)  # no piece is singular at both ends
         decisive = self._decisive(group, home)
+        for place in self.features.singular_places(node):
+            at, apart = self.out.number(place, home), self.scale(group, home)
+            breaks += tuple(self.out.assign(home, op, at, apart) for op in ("sub", "add"))  # no tail begins where it is singular
         bounded = not any(turn.kind in ("pole", "end") for turn in analysis.bends)
         for isolation in analysis.isolated:
             found = self.roots.breaks_in(node, isolation, home, when, soft=bounded and isolation.g not in decisive)
@@ -192,6 +199,13 @@ class Pieces:
             s = self.out.assign(home, "select", usable, s, 1.0)
             least = s if i == 0 else self.out.assign(home, "min", least, s)
         return least
+
+    def reach(self, group: Sequence[Integral], home: Level) -> Arg:
+        """Returns the reach of tails, so that no part of the integrands overflows there; 0 if none of these is slow."""
+        degrees = [d for i in group if (d := steepest_of_slow(i)) is not None]
+        if not degrees:
+            return 0.0
+        return self.out.number(div(const(REACH), reduce(lambda a, b: call("max", a, b), degrees)), home)
 
     def bends(self, group: Sequence[Integral], level: Level, home: Level, rule: Rule) -> tuple[Arg, tuple[Bend, ...]]:
         """Returns where the integrands bend. Coefficients are numbers from outside; the middle of a piece decides whether a bend counts.

@@ -7,10 +7,10 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-from teg.program.limits import AT_END, FAR, NEAR, POLE
+from teg.program.limits import AT_END, AT_REACH, BEYOND, FAR, NEAR, POLE
 from teg.program.operations import divide
 
-LINE, CUBIC, SQUARE, SINE, COSH, SINH, EXP, POWER, TAIL = range(9)
+LINE, CUBIC, SQUARE, SINE, COSH, SINH, EXP, POWER, TAIL, SLOW_TAIL = range(10)
 FUNCTIONS: dict[int, Callable[[float], tuple[float, float]]] = {
     LINE: lambda t: (t, 1.0),
     CUBIC: lambda t: (t * t * (3.0 - 2.0 * t), 6.0 * t * (1.0 - t)),
@@ -41,10 +41,18 @@ class Substitution:
 
     def __call__(self, u: float) -> tuple[float, float]:
         """Returns the place of u, kept inside the piece, and dv/du."""
-        phi, slope = FUNCTIONS[self.kind](self.start + self.step * u)
+        t = self.start + self.step * u
+        phi, slope = _slow_tail(t, abs(self.step)) if self.kind == SLOW_TAIL else FUNCTIONS[self.kind](t)
         place = self.centre + self.radius * phi
         place = place if place > self.p else beside(self.p, self.q)
         return place if place < self.q else beside(self.q, self.p), self.radius * self.step * slope
+
+
+def _slow_tail(t: float, reach: float) -> tuple[float, float]:
+    """Returns φ and its derivative, 0 < t < reach."""
+    left, last = max(1.0 - t / reach, 2.0**-53), 1.0 / (1.0 + AT_REACH)
+    exponent = min((t / AT_REACH) / left, reach)
+    return math.sinh(exponent), math.cosh(exponent) / (AT_REACH * left * (left if left > last else BEYOND * last))
 
 
 def beside(p: float, q: float) -> float:
@@ -58,12 +66,14 @@ def tail_place(p: float, q: float, u: float, scale: float) -> float:
     return q - scale * ((1.0 - u) / u) if math.isinf(p) else p + scale * (u / (1.0 - u))
 
 
-def substitution(p: float, q: float, base: float, bends: Sequence[Given], cubic: bool, scale: float) -> Substitution:
-    """Returns the substitution on a piece: the place of u in (0, 1) and its speed."""
-    if math.isinf(p):
-        return Substitution(p, q, TAIL, q, -scale, 1.0, -1.0)
-    if math.isinf(q):
-        return Substitution(p, q, TAIL, p, scale, 0.0, 1.0)
+def tail(p: float, q: float, scale: float, reach: float | None) -> Substitution:
+    """Returns the substitution on an infinite piece."""
+    kind, whole = (TAIL, 1.0) if reach is None else (SLOW_TAIL, reach)
+    return Substitution(p, q, kind, q, -scale, whole, -whole) if math.isinf(p) else Substitution(p, q, kind, p, scale, 0.0, whole)
+
+
+def substitution(p: float, q: float, base: float, bends: Sequence[Given], cubic: bool) -> Substitution:
+    """Returns the substitution on a finite piece: the place of u in (0, 1) and its speed."""
     chosen = Substitution(p, q, CUBIC if cubic else LINE, p, q - p, 0.0, 1.0)
     nearest = NEAR
     sharp_p = sharp_q = both = False

@@ -9,7 +9,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, assert_never
 
 from teg.numerics.quadrature import decay_power, end_rule, gauss_legendre, null_rules, pole_table
-from teg.program.interpreter.bends import POWER, Substitution, substitution, tail_place
+from teg.program.interpreter.bends import POWER, Substitution, substitution, tail, tail_place
 from teg.program.limits import (
     AT_END,
     CANCELLED,
@@ -107,7 +107,10 @@ class _Piece:
                 self._midpoint(p, q, nodes)
             case Adaptive() as rule:
                 bends = [(b.kind, m.numbers(b.coefficients)) for b in stmt.bends if m.holds(b.when)]
-                way = substitution(p, q, m.number(stmt.base), bends, rule.cubic, scale)
+                if math.isfinite(q - p):
+                    way = substitution(p, q, m.number(stmt.base), bends, rule.cubic)
+                else:
+                    way = tail(p, q, scale, m.number(stmt.reach) if stmt.is_slow else None)
                 self._adaptive(way, rule, neighbours)
             case _:
                 assert_never(stmt.rule)

@@ -29,6 +29,7 @@ COUNTED = {
     "no features": (teg.integral(teg.exp(teg.sin(t * x)), (x, 0, 1)), [0]),
     "a centre": (teg.integral(sech(a * (x - t)), (x, -inf, inf)), [1]),
     "a centre beside a bound": (teg.integral(sech(a * (x - t)), (x, 0, inf)), [1]),
+    "beside a root": (teg.integral(teg.sqrt(x - t) * teg.exp(-x), (x, t, inf)), [5]),
     "no centre": (teg.integral(1 / (1 + x**4), (x, -inf, inf)), [1]),
     "centres that meet": (teg.integral(sech(a * (x - t)) * sech(b * (y - x)), (x, -inf, inf), (y, 0, 1)), [1, 2]),
     "three pairs that meet": (
@@ -55,3 +56,16 @@ def test_a_piece_that_is_singular_at_both_ends_is_cut_in_the_middle() -> None:
     flat = teg.compile(region, backend="numpy").program(1)
     most = max(len(s.breaks) for s in statements(flat.body) if isinstance(s, Integrate))
     assert most == max(r["breaks"] for r in rows) == 11
+
+
+def test_a_tail_has_a_break_beside_a_singular_end() -> None:
+    """Powers from 2 on cost less without one, also those by their logarithm."""
+
+    def breaks(body: Expr) -> int:
+        flat = teg.compile(teg.integral(body, (x, 0, inf)), backend="numpy").program(0)
+        return sum(len(s.breaks) for s in statements(flat.body) if isinstance(s, Integrate))
+
+    decay = teg.exp(-x)
+    without = breaks(x**2.5 * decay)
+    assert breaks(teg.exp(2.5 * teg.log(x) - x)) == without
+    assert [breaks(x**power * decay) - without for power in (-0.5, 0.5, 1.5)] == [2, 2, 2]
