@@ -285,7 +285,7 @@ class Printer(Routines):
         frame = Frame(captured, [body], (), needs_context((stmt,), self.counted), dict(zip(stmt.points, names, strict=True)))
         values, tested = len(stmt.values), len(stmt.estimates)
         arrays = [*frame.array("f", values), *frame.array("part", values)]
-        arrays += frame.array("all", tested * (REPLICATES if stmt.kind == "qmc" else 2)) if tested else []
+        arrays += frame.array("all", 3 * tested * (REPLICATES if stmt.kind == "qmc" else 1)) if tested else []
         opening, block = frame.opening(), frame.block(0)
         if stmt.kind == "qmc":
             self.dimensions = max([self.dimensions, *(d + 1 for d in used_points(block, names))])

@@ -18,8 +18,8 @@ def used_points(block: Sequence[str], names: Sequence[str]) -> list[int]:
 def sample_loop(stmt: Sample, block: Sequence[str], names: Sequence[str], counted: bool, stop: str) -> list[str]:
     """Write the means of the values to `mean`, and their standard errors behind them; `block` writes the values at a point to `f`.
 
-    `part` holds the sums of a replicate; of what has an error, `all` the means of every replicate (or the first value, and the sum of
-    squares relative to it). `stop`, run once for every block of points, leaves the routine if the call was stopped.
+    `part` holds the sums of a replicate; of what has an error, `all` the mean of every replicate, the first value, and the sum of squares
+    relative to it. `stop`, run once for every block of points, leaves the routine if the call was stopped.
     """
     replicates, points = replicated(stmt.kind, stmt.count)
     values, tested, scrambled = len(stmt.values), len(stmt.estimates), stmt.kind == "qmc"
@@ -27,11 +27,8 @@ def sample_loop(stmt: Sample, block: Sequence[str], names: Sequence[str], counte
     one = values + tested == 1
     keys = [f"const uint64_t key{d} = teg_key(UINT64_C({stmt.seed % 2**64}), {'r' if scrambled else '0'}, {d});" for d in used]
     inside = [*block, each(values, "part[j] += f[j];")]
-    if tested and not scrambled:
-        inside += [
-            f"if (i == 0) for (int j = 0; j < {tested}; j++) all[j] = f[j];",
-            f"for (int j = 0; j < {tested}; j++) all[{tested} + j] += (f[j] - all[j]) * (f[j] - all[j]);",
-        ]
+    if tested:
+        inside.append(f"teg_squares({tested}, {'i + k' if scrambled else 'i'} == 0, f, all{f' + {3 * tested} * r' if scrambled else ''});")
     n = f"{float(points)!r}"
     counts = [f"ctx->evaluations += {replicates * points};"] if counted else []
     if not scrambled:
@@ -39,12 +36,11 @@ def sample_loop(stmt: Sample, block: Sequence[str], names: Sequence[str], counte
             *counts,
             *keys,
             f"teg_fill(part, {values}, 0.0);",
-            *([f"teg_fill(all, {2 * tested}, 0.0);"] if tested else []),
             f"for (uint64_t i = 0; i < {points}; i++) {{",
             *indent(f"if (i % TEG_BLOCK == 0) {stop}", *(f"const double {names[d]} = teg_random(key{d}, i);" for d in used), *inside),
             "}",
             f"return part[0] / {n};" if one else each(values, f"mean[j] = part[j] / {n};"),
-            *([f"teg_spread({tested}, {n}, all, mean, mean + {values});"] if tested else []),
+            *([each(tested, "all[j] = mean[j];"), f"teg_standard_errors({tested}, 1, {n}, all, mean, mean + {values});"] if tested else []),
         ]
     return [
         *counts,
@@ -69,11 +65,11 @@ def sample_loop(stmt: Sample, block: Sequence[str], names: Sequence[str], counte
             ),
             "}",
             each(values, f"mean[j] += part[j] / {n};"),
-            *([f"for (int j = 0; j < {tested}; j++) all[{tested} * r + j] = part[j] / {n};"] if tested else []),
+            *([f"for (int j = 0; j < {tested}; j++) all[{3 * tested} * r + j] = part[j] / {n};"] if tested else []),
         ),
         "}",
         f"return mean[0] / {replicates}.0;" if one else each(values, f"mean[j] /= {replicates}.0;"),
-        *([f"teg_scatter({tested}, {replicates}, all, mean, mean + {values});"] if tested else []),
+        *([f"teg_standard_errors({tested}, {replicates}, {n}, all, mean, mean + {values});"] if tested else []),
     ]
 
 

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 from jax import lax
 
 from teg.backends.jax.runtime import Note, Scalar, union, vector, where
-from teg.backends.shared.samples import Points, coordinate
+from teg.backends.shared.samples import Points, coordinate, standard_error
 from teg.numerics.sobol import replicated
 
 Array = Any  # a JAX array
@@ -47,12 +47,8 @@ def mean(
     totals, shift, squares, notes = lax.map(whole, jnp.arange(replicates))
     means = totals / each
     middle = jnp.mean(means, axis=0)
-    tested = middle[:estimates]
-    if kind == "montecarlo":
-        variance = jnp.maximum(squares[0] - each * jnp.square(tested - shift[0]), 0.0) / (each - 1.0) / each
-    else:
-        variance = jnp.sum(jnp.square(means[:, :estimates] - tested), axis=0) / (replicates * (replicates - 1.0))
-    found = jnp.where(when, jnp.concatenate([middle, jnp.sqrt(variance)]), 0.0)
+    errors = standard_error(jnp, each, means[:, :estimates], shift, squares)
+    found = jnp.where(when, jnp.concatenate([middle, errors]), 0.0)
     return tuple(found[i] for i in range(results + estimates)), union(notes)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from teg.backends.numpy.lanes import Array, Block, Run, Value, on_lanes, parts
-from teg.backends.shared.samples import Points, coordinate
+from teg.backends.shared.samples import Points, coordinate, standard_error
 from teg.numerics.sobol import replicated
 
 STRETCH = 2**14
@@ -63,7 +63,7 @@ class Mean:
         """Returns the results on flat lanes, (results, lanes)."""
         replicates, each = replicated(self.kind, self.count)
         totals = np.zeros((replicates, self.values, lanes))
-        shift, squares = np.zeros((2, self.tested, lanes))
+        shift, squares = np.zeros((2, replicates, self.tested, lanes))
         if self.leaf:
             run.evaluations += replicates * each * lanes
         for r in range(replicates):
@@ -73,20 +73,15 @@ class Mean:
                 for part in parts(at.shape[1], run.chunk(self.width, lanes)):
                     found = self._values(run, at[:, part], given, lanes)
                     totals[r] += found.sum(axis=1)
-                    if self.estimated and self.kind == "montecarlo":
+                    if self.estimated:
                         if part.start == stretch.start == 0:
-                            shift = found[: self.tested, 0]
-                        squares += np.square(found[: self.tested] - shift[:, None]).sum(axis=1)
+                            shift[r] = found[: self.tested, 0]
+                        squares[r] += np.square(found[: self.tested] - shift[r][:, None]).sum(axis=1)
         means = totals / each
         mean: Array = means.mean(axis=0)
         if not self.estimated:
             return mean
-        tested = mean[: self.tested]
-        if self.kind == "montecarlo":
-            variance = np.maximum(squares - each * np.square(tested - shift), 0.0) / (each - 1.0) / each
-        else:
-            variance = np.square(means[:, : self.tested] - tested).sum(axis=0) / (replicates * (replicates - 1.0))
-        return np.concatenate([mean, np.sqrt(variance)])
+        return np.concatenate([mean, standard_error(np, each, means[:, : self.tested], shift, squares)])
 
     def _values(self, run: Run, at: Array, given: Sequence[Array], lanes: int) -> Array:
         """Returns the values at points (dimensions, n), (values, n, lanes)."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from teg.numerics.sobol import BITS, GAMMA, LOW_BITS, MIX, SCRAMBLE, key, replicated, reversed_directions
+from teg.program import SAME_MEANS
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +32,20 @@ def coordinate(xp: Any, points: Points, dimension: int, replicate: Any, index: A
     y = _reverse(xp, _scramble(xp, x, keys)).astype(xp.uint64)
     low = mix(xp, keys + y * xp.uint64(GAMMA)) >> xp.uint64(64 - LOW_BITS)
     return _unit(xp, y << xp.uint64(LOW_BITS) | low)
+
+
+def standard_error(xp: Any, each: int, means: Any, first: Any, squares: Any) -> Any:
+    """Returns the standard errors of means over replicates of so many points, from the means, the first values and the sums of squares
+    relative to these; the first axis is that of replicates."""
+    replicates = means.shape[0]
+    mean = means.mean(axis=0)
+    scatter = xp.square(means - mean).sum(axis=0)
+    total = each * scatter + xp.maximum(squares - each * xp.square(means - first), 0.0).sum(axis=0)
+    if replicates == 1:
+        return xp.sqrt(total / (each - 1.0) / each)
+    variance = total / (replicates * each)
+    hidden = scatter <= SAME_MEANS**2 * (xp.square(mean) + variance)
+    return xp.sqrt(xp.maximum(scatter / (replicates * (replicates - 1.0)), xp.where(hidden, variance / each**2, 0.0)))
 
 
 def mix(xp: Any, z: Any) -> Any:

@@ -14,6 +14,7 @@ from typing import cast
 from teg.analysis.calculus import slope
 from teg.analysis.nest import Binder
 from teg.analysis.polynomial import Shadow, is_null
+from teg.analysis.squares import squares_in
 from teg.analysis.tails import infinite_ends
 from teg.ir.expr import MINUS_ONE, ONE, TRUE, ZERO, Add, Cond, Expr, Mul, Var, const
 from teg.ir.show import show
@@ -53,20 +54,30 @@ def critical_point(g: Expr, boxes: Sequence[Binder]) -> Critical | None:
     middle = {b.var: mul(const(0.5), add(b.lo, b.hi)) for b in around}
     gradient = [slope(g, v) for v in variables]
     hessian = [[_at(slope(s, v), middle) for v in variables] for s in gradient]
-    down = [mul(MINUS_ONE, _at(s, middle)) for s in gradient]
-    whole = _determinant(hessian)
+    factors: Expr = ONE
+    level: Expr | None = None
+    vanishing = gradient
+    split = squares_in(g, variables)
+    if split is not None and len(split[0]) == len(variables):  # where their bases vanish, g is what is no square, without a difference
+        factors, level = mul(*(mul(const(2.0), factor) for factor, _ in split[0])), add(*split[1])
+        vanishing = [base for _, base in split[0]]
+    rows = [[_at(slope(e, v), middle) for v in variables] for e in vanishing]
+    down = [mul(MINUS_ONE, _at(e, middle)) for e in vanishing]
+    whole = _determinant(rows)
     if is_null(whole):  # parallel lines or planes
         return None
     point: dict[Var, Expr] = {}
     for i, v in enumerate(variables):
-        replaced = [[down[r] if c == i else entry for c, entry in enumerate(row)] for r, row in enumerate(hessian)]
+        replaced = [[down[r] if c == i else entry for c, entry in enumerate(row)] for r, row in enumerate(rows)]
         point[v] = add(middle[v], mul(_determinant(replaced), integer_power(whole, -1)))
-    scale = mul(*(add(*(call("magnitude", entry) for entry in row)) for row in hessian))
+    scale = mul(*(add(*(call("magnitude", entry) for entry in row)) for row in rows))
     inside = conjunction(
         positive(sub(call("magnitude", whole), mul(const(ROUNDING), scale))),  # else the point is noise
         *(_between(point[b.var], b) for b in boxes),
     )
-    return Critical(point, _at(g, point), whole, inside, _terms_size(g, point, hessian), _size(g, around, middle))
+    determinant = whole if level is None else mul(factors, integer_power(whole, 2))
+    value = _at(g, point) if level is None else level
+    return Critical(point, value, determinant, inside, _terms_size(g, point, hessian), _size(g, around, middle))
 
 
 def finite_box(b: Binder) -> Binder:
@@ -143,10 +154,11 @@ def _at(e: Expr, point: Mapping[Var, Expr]) -> Expr:
 
 
 def _terms_size(g: Expr, point: Mapping[Var, Expr], hessian: Sequence[Sequence[Expr]]) -> Expr:
-    """Returns Σ|terms| of a quadric at its critical point p, and ½Σ|Hᵢⱼpᵢpⱼ|: lengths that are less than the roundings of p are none."""
+    """Returns Σ|terms| of a quadric at its critical point p, and ½Σ|Hᵢⱼpᵢpⱼ| times `APART`, of which the product with `APART` is that of
+    squares of the roundings of p: lengths that are less than these are none."""
     reach = [call("magnitude", e) for e in point.values()]
     sizes = [
-        mul(const(0.5), call("magnitude", h), here, there)
+        mul(const(0.5 * APART), call("magnitude", h), here, there)
         for row, here in zip(hessian, reach, strict=True)
         for h, there in zip(row, reach, strict=True)
     ]

@@ -25,7 +25,7 @@ from teg.analysis.calculus import slope
 from teg.analysis.coincidence import coincide
 from teg.analysis.expanded import perfect_power
 from teg.analysis.polynomial import Shadow
-from teg.analysis.roots import Roots, discriminant, far_origin, local_origin, tidy
+from teg.analysis.roots import Roots, discriminant, discriminant_of, far_origin, local_origin, tidy
 from teg.analysis.surfaces import atoms_of
 from teg.errors import NotDifferentiableError
 from teg.ir.expr import FALSE, ONE, TRUE, ZERO, Cond, Const, Expr, Mul, Pow, Var, const
@@ -192,7 +192,7 @@ class Projection:
             if not apart:
                 if not self.finite:
                     self._put(a)
-                border = discriminant(a, b, c)
+                border = discriminant_of(f, z, origin, (a, b, c))
                 self.functions.note_derived(border, f)
                 fold = self.origins[f] | {_Fold(self.functions.key(f))}
                 self._put(border, near(add(origin, div(b, mul(const(-2.0), a))), lo, hi), fold)

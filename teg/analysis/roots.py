@@ -15,6 +15,7 @@ from typing import cast
 from teg.analysis.calculus import slope
 from teg.analysis.expanded import shorter_form
 from teg.analysis.polynomial import Degrees, Shadow
+from teg.analysis.squares import discriminant_of_squares
 from teg.errors import NotDifferentiableError
 from teg.ir import expr as ex
 from teg.ir.expr import MINUS_ONE, ONE, TRUE, ZERO, Add, Call, Cond, Const, Expr, Mul, Param, Pow, Truth, Var, Where, const
@@ -152,6 +153,15 @@ def discriminant(a: Expr, b: Expr, c: Expr) -> Expr:
     return normal if normal is not None and not _is_coarse(normal) else raw
 
 
+def discriminant_of(g: Expr, x: Var, origin: Expr, known: tuple[Expr, Expr, Expr]) -> Expr:
+    """Returns the discriminant of a quadratic from its coefficients, or, where these have parameters or large numbers, from its squares."""
+    plain = discriminant(*known)
+    if known[1] is ZERO or not (parameters(plain) or _is_coarse(plain)):
+        return plain
+    by_squares = discriminant_of_squares(g, x, origin)
+    return plain if by_squares is None or isinstance(plain, Mul) or not by_squares.free <= plain.free else by_squares
+
+
 def _at_the_vertex(g: Expr, x: Var, origin: Expr, known: tuple[Expr, Expr, Expr]) -> Expr:
     """Returns the discriminant D, from A, B and D, by the value of g near its vertex where terms of D may cancel.
 
@@ -193,7 +203,7 @@ def quadratic_roots(g: Expr, x: Var, origin: Expr = ZERO) -> tuple[Root, ...]:
     """Returns both roots. If A is a number and m = -B/2A cannot be much larger than a root, they are m ± s, which is
     as exact and smoother."""
     a, b, c = quadratic_coefficients(g, x, origin)
-    d = _at_the_vertex(g, x, origin, (a, b, discriminant(a, b, c)))
+    d = _at_the_vertex(g, x, origin, (a, b, discriminant_of(g, x, origin, (a, b, c))))
     exists = conjunction(positive(d, strict=False), _not_zero(a))
     root = call("root", d)
     if b is ZERO or (isinstance(a, Const) and not _may_cancel(a, b, d)):

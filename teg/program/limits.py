@@ -132,3 +132,8 @@ CLOSE_ENDS = 1e-6
 """Ends of an arc that are so close, in parts of the radius: it is nothing, or the whole circle, as far as the directions of them tell."""
 TANGENT = 1e-10
 """A side that is closer to the circle than this, in parts of the radius, may touch it."""
+
+# -- samples -----------------------------------------------------------------------------------------------------------
+
+SAME_MEANS = 2.0**-40
+"""Means over replicates of samples are equal to rounding if they differ by less, relative to the root of the mean square."""

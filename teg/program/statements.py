@@ -259,7 +259,9 @@ class Sample:
     The points are those of `teg.numerics.sobol` for `kind`, `seed` and their number: R = 8 replicates of n = ⌈count/8⌉ points for "qmc",
     R = 1 of n = count for "montecarlo". With mᵣ the mean over replicate r, results are m = (m₁ + … + m_R)/R, and `estimates` of the first
     of them their standard errors: √(Σᵣ(mᵣ - m)²/(R(R - 1))) for "qmc", √(Σᵢ(fᵢ - m)²/(n(n - 1))) for "montecarlo" (relative to f₁, so
-    that nothing cancels); NaN where m is not finite, or n = 1 there.
+    that nothing cancels); NaN where m is not finite, or n = 1 there. Means over replicates that are equal to `SAME_MEANS`, relative to
+    √(m² + s²), tell no error, as those of a jump along one coordinate, where all replicates may count the same points: it is s/n at
+    least then, s² = Σᵢ(fᵢ - m)²/(R·n).
     """
 
     points: Annotated[tuple[str, ...], Variable(("body",))]

@@ -212,6 +212,20 @@ def test_standard_errors_are_honest(kind: str, within: float) -> None:
     assert (np.mean(np.array(away) < 4.0, axis=0) > 0.985).all()
 
 
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_replicates_that_count_the_same_points_have_an_error(backend: str) -> None:
+    """Of a jump along one coordinate every replicate counts 61 points of 64 or 62, and for one seed of two all count the same."""
+    jump = (let("v1", "sub", "p0", "x1"), let("b1", "gt0", "v1"), let("v2", "select", "b1", 3.0, 0.0))
+    p = 0.9585
+    for seed in range(4):
+        statement = Sample(("x1",), 512, "qmc", seed, jump, ("v2",), ("v3",), ("v4",))
+        value, error = run(program(statement, outputs=("v3", "v4")), p, backend=backend)[:, 0]
+        assert 3.0 / 64 / 100 < error < 3.0 / 64, seed
+        assert abs(value - 3.0 * p) < 4.0 * error
+    constant = Sample(("x1",), 512, "qmc", 1, (let("v2", "mul", "p0", 0.1),), ("v2",), ("v3",), ("v4",))
+    assert run(program(constant, outputs=("v3", "v4")), p, backend=backend)[1, 0] < 1e-15
+
+
 def test_rates_on_a_smooth_and_on_a_discontinuous_integrand() -> None:
     def spread(e: teg.Expr, exact: float, rule: str, order: int) -> float:
         errors = [run(scheduled(e, rule, order=order, seed=s))[0, 0] - exact for s in range(24)]

@@ -28,6 +28,20 @@ IN_BACKENDS: tuple[Mutant, ...] = (
         "hidden | front",
         ("tests/backends/c/test_eights.py",),
     ),
+    Mutant(
+        "means that are equal by chance",
+        "backends/c/runtime/samples.h",
+        "hidden ? fmax(square, variance / (each * each)) : square",
+        "square",
+        ("tests/backends/test_sampled.py",),
+    ),
+    Mutant(
+        "errors of means that are equal by chance",
+        "backends/shared/samples.py",
+        "xp.where(hidden, variance / each**2, 0.0)",
+        "xp.where(hidden, variance / each, 0.0)",
+        ("tests/backends/test_sampled.py",),
+    ),
     *mutants(
         "backends/c/runtime/fans.h",
         ("tests/backends/c/test_eights.py",),

@@ -15,11 +15,6 @@ IN_PASSES: tuple[Mutant, ...] = (
         "teg/analysis/roots.py",
         ("tests/analysis/test_roots.py", "tests/passes/eliminate/test_univariate.py", "tests/passes/eliminate/test_endless.py"),
         ("a discriminant as a product", "return mul(const(-4), a, c)", "pass"),
-        (
-            "the vertex of an ellipse",
-            "slope_there = mul(b, sub(scale, square), integer_power(scale, -1))",
-            "slope_there = add(mul(double, w), b)",
-        ),
         ("a line that is everywhere", "met if met is TRUE or level.free else disjunction(met, negation(_not_zero(level)))", "met"),
     ),
     *mutants(
@@ -325,10 +320,29 @@ IN_PASSES: tuple[Mutant, ...] = (
             "outside, NAN, bound)",
         ),
     ),
+    Mutant(
+        "discriminants of squares",
+        "teg/analysis/roots.py",
+        "return plain if by_squares is None or",
+        "return plain if True or",
+        ("tests/analysis/test_squares.py",),
+    ),
+    *mutants(
+        "teg/passes/eliminate/conic.py",
+        ("tests/passes/eliminate/test_conic.py",),
+        (
+            "an ellipse much larger than its box",
+            "return None if charts is None else where(_fits(curve, boxes), quarters, charts)",
+            "return quarters",
+        ),
+        ("bases along an ellipse", "symbols.get(node)", "None"),
+    ),
     *mutants(
         "teg/analysis/critical.py",
-        ("tests/passes/eliminate/test_charts.py", "tests/passes/eliminate/test_implicit.py"),
+        ("tests/passes/eliminate/test_charts.py", "tests/passes/eliminate/test_implicit.py", "tests/passes/eliminate/test_conic.py"),
+        ("centres of squares", "split is not None and len(split[0])", "split is None and len(split[0])"),
         ("least height of a long ellipse", "mul(const(APART), critical.terms), mul", "mul(const(APART), critical.size), mul"),
+        ("lengths beside a place", "mul(const(0.5 * APART), call", "mul(const(0.5), call"),
         ("least height of a birth", "add(least_height(critical), where", "add(ZERO, where"),
         ("least height of a crossing", "mul(const(APART), critical.size), ZERO)", "ZERO, ZERO)"),
     ),

@@ -84,23 +84,35 @@ static inline uint32_t teg_next_block(uint32_t x, uint64_t i, const uint32_t *di
     return x ^ directions[5] ^ directions[6 + teg_column(i / TEG_BLOCK)];
 }
 
-//: teg_scatter
-/* Standard errors of n means over replicates, from the means of each replicate. */
-static inline void teg_scatter(int n, int replicates, const double *all, const double *mean, double *error)
+//: teg_squares
+/* Add up squares of n values relative to the first ones: `all` has n means, the first values, and the sums. */
+static inline void teg_squares(int n, int first, const double *f, double *all)
 {
     for (int j = 0; j < n; j++) {
-        double squares = 0.0;
-        for (int r = 0; r < replicates; r++) squares += (all[n * r + j] - mean[j]) * (all[n * r + j] - mean[j]);
-        error[j] = sqrt(squares / (replicates * (replicates - 1.0)));
+        if (first) { all[n + j] = f[j]; all[2 * n + j] = 0.0; }
+        all[2 * n + j] += (f[j] - all[n + j]) * (f[j] - all[n + j]);
     }
 }
 
-//: teg_spread
-/* Standard errors of n means over `count` independent points, from the first values and the sums of squares relative to them. */
-static inline void teg_spread(int n, double count, const double *all, const double *mean, double *error)
+//: teg_standard_errors
+/* Standard errors of n means over replicates of `each` points, from what `teg_squares` has of each replicate. */
+static inline void teg_standard_errors(int n, int replicates, double each, const double *all, const double *mean, double *error)
 {
     for (int j = 0; j < n; j++) {
-        const double away = mean[j] - all[j], squares = all[n + j] - count * (away * away);
-        error[j] = sqrt((squares < 0.0 ? 0.0 : squares) / (count - 1.0) / count);
+        double scatter = 0.0, total = 0.0;
+        for (int r = 0; r < replicates; r++) {
+            const double *of = all + 3 * n * r + j;
+            const double away = of[0] - of[n], squares = of[2 * n] - each * (away * away);
+            scatter += (of[0] - mean[j]) * (of[0] - mean[j]);
+            total += squares < 0.0 ? 0.0 : squares;
+        }
+        total += each * scatter;
+        if (replicates == 1) {
+            error[j] = sqrt(total / (each - 1.0) / each);
+            continue;
+        }
+        const double variance = total / (replicates * each), square = scatter / (replicates * (replicates - 1.0));
+        const int hidden = scatter <= TEG_SAME_MEANS * TEG_SAME_MEANS * (mean[j] * mean[j] + variance);
+        error[j] = sqrt(hidden ? fmax(square, variance / (each * each)) : square);
     }
 }

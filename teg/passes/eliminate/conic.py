@@ -9,9 +9,10 @@ square root or a pole. The sides of the box, other lines and conics are made pol
 of degree n is multiplied by (1 + t²)ⁿ. So their roots have formulas, or are isolated as those of polynomials; on a quarter t is
 monotone. Around a sphere the measure is that of its slices, dφ dz, which has no pole.
 
-The coefficients of Q are numbers. Where g is written with two squares, κ - u² - v², L is the inverse of the matrix of u and v, and
-nothing cancels however long the ellipse is; else L comes from the coefficients, and the condition of Q is at most `MAX_CONDITION`. A
-further derivative carries the δ itself along, as that of `teg.passes.eliminate.implicit`.
+Where g is written with two squares, κ - u² - v², L is the inverse of the matrix of u and v, and nothing cancels however long the ellipse
+is: u and v are √κ·w, not differences of coordinates. Rows with parameters may be parallel; the curve is followed in the charts by variable
+where it is much larger than the box (`match_squares`). Else the coefficients of Q are numbers, and its condition is at most
+`MAX_CONDITION`. A further derivative carries the δ itself along, as that of `teg.passes.eliminate.implicit`.
 Source: Archimedes' theorem for the sphere; rational parametrisation of conics (Farin 2002, chapter 12).
 """
 
@@ -25,15 +26,16 @@ from typing import cast
 from teg.analysis.calculus import slope
 from teg.analysis.critical import Critical, critical_point, is_above_birth, least_height
 from teg.analysis.nest import Binder, Chain, divided, nest
-from teg.analysis.polynomial import Shadow
+from teg.analysis.polynomial import Shadow, is_null
 from teg.analysis.roots import tidy
+from teg.analysis.squares import squares_in
 from teg.analysis.surfaces import free_of, restrict, signed_inside
 from teg.errors import NotDifferentiableError
 from teg.ir.expr import MINUS_ONE, ONE, TRUE, ZERO, Add, Call, Compare, Cond, Const, Expr, Mul, Pow, Var, const
-from teg.ir.integral import integral_over
+from teg.ir.integral import Integral, integral_over
 from teg.ir.node import Node
-from teg.ir.simplify import add, call, integer_power, mul, negation, positive, sub, where
-from teg.ir.traverse import fresh, rebuild, rewrite, substitute
+from teg.ir.simplify import add, call, conjunction, div, integer_power, mul, negation, positive, sub, where
+from teg.ir.traverse import fresh, rebuild, rewrite, rewrite_below, substitute
 from teg.passes.eliminate.implicit import Implicit, rewrite_implicit
 
 MAX_CONDITION = 1e6
@@ -42,9 +44,14 @@ LEAST_SINE = 1e-3
 """The least sine of the angle between the gradients of two squares."""
 MAX_ASPECT = 1e10
 """The largest ratio of these gradients."""
+LARGEST = 1e6
+"""The largest size of an ellipse relative to its box: its points lose as many digits."""
 MAX_DEGREE = 8
 """The largest degree of a condition that is made a polynomial of t."""
 EIGHTH = math.pi / 4
+
+
+Matrix = tuple[tuple[Expr, Expr], tuple[Expr, Expr]]
 
 
 @dataclass(frozen=True)
@@ -53,7 +60,7 @@ class Squares:
 
     top: Expr
     bases: tuple[Expr, Expr]
-    rows: tuple[tuple[Expr, Expr], tuple[Expr, Expr]]
+    rows: Matrix
     sign: float
 
     @property
@@ -75,11 +82,19 @@ class Conic:
 
     variables: tuple[Var, Var]
     sign: float
-    inverse: tuple[tuple[float, float], tuple[float, float]]
+    inverse: Matrix
     squares: Squares | None = None
 
-    name = "an ellipse, by angle"
     moves = True
+
+    @property
+    def name(self) -> str:
+        return "an ellipse, by angle" if self.is_certain else "an ellipse, by angle where it is not much larger than the box"
+
+    @property
+    def is_certain(self) -> bool:
+        """Whether L consists of numbers. Else parameters may make g a strip."""
+        return all(isinstance(e, Const) for row in self.inverse for e in row)
 
 
 def match_conic(g: Expr, variables: Sequence[Var]) -> Conic | None:
@@ -100,7 +115,7 @@ def match_conic(g: Expr, variables: Sequence[Var]) -> Conic | None:
     if squares is not None and squares.numbers is not None:
         (p, q), (r, s) = squares.numbers
         whole = p * s - q * r
-        return Conic((x, y), sign, ((s / whole, -q / whole), (-r / whole, p / whole)), squares)
+        return Conic((x, y), sign, _matrix(s / whole, -q / whole, -r / whole, p / whole), squares)
     a, b, c = (-0.5 * sign * n for n in numbers)
     middle, radius = 0.5 * (a + c), math.hypot(0.5 * (a - c), b)
     if not a > 0.0 or not middle + radius <= MAX_CONDITION * (middle - radius):
@@ -108,56 +123,59 @@ def match_conic(g: Expr, variables: Sequence[Var]) -> Conic | None:
     scale, across = math.sqrt(a), math.sqrt(max(a * c - b * b, 0.0) / a)  # R⁻¹ with RᵀR = Q, R upper triangular
     if not a * across > 0.0:
         return None  # products underflow
-    return Conic((x, y), sign, ((1.0 / scale, -b / (a * across)), (0.0, 1.0 / across)))
+    return Conic((x, y), sign, _matrix(1.0 / scale, -b / (a * across), 0.0, 1.0 / across))
+
+
+def _matrix(a: float, b: float, c: float, d: float) -> Matrix:
+    return (const(a), const(b)), (const(c), const(d))
+
+
+def match_squares(g: Expr, variables: Sequence[Var]) -> Conic | None:
+    """Returns both variables if g depends on two, and is written with two squares whose gradients are not known as numbers; else None."""
+    mine = [v for v in variables if v in g.free]
+    squares = squares_of(g, (mine[1], mine[0])) if len(mine) == 2 else None
+    if (
+        squares is None
+        or any(e.free for row in squares.rows for e in row)
+        or all(isinstance(e, Const) for row in squares.rows for e in row)
+    ):
+        return None
+    (p, q), (r, s) = squares.rows
+    whole = tidy(sub(mul(p, s), mul(q, r)))
+    if is_null(whole):  # a strip, however it is written
+        return None
+    down = (mul(MINUS_ONE, e) for e in (q, r))
+    inverse = (div(s, whole), div(next(down), whole)), (div(next(down), whole), div(p, whole))
+    return Conic((mine[1], mine[0]), squares.sign, inverse, squares)
 
 
 def squares_of(g: Expr, variables: tuple[Var, Var]) -> Squares | None:
     """Returns the two squares of affine functions of which g consists in the variables; None if it does not."""
-    top: list[tuple[float, Expr]] = []
-    found: list[tuple[float, Expr]] = []
-    terms: list[tuple[float, Expr, Expr]] = [(1.0, ONE, g)]  # a number, a root of the other factors, what they are multiplied with
-    while terms:
-        factor, root, term = terms.pop()
-        if free_of(term, variables):
-            top.append((factor, mul(integer_power(root, 2), term)))
-        elif isinstance(term, Add):
-            terms += [(factor, root, c) for c in reversed(cast("Sequence[Expr]", term.children))]
-        elif isinstance(term, Mul):
-            split = _with_a_root(term, variables)
-            if split is None:
-                return None
-            number, more, rest = split
-            terms.append((factor * number, mul(root, more), rest))
-        elif isinstance(term, Pow) and term.exponent == 2 and len(found) < 2:
-            found.append((factor, mul(root, term.base)))
-        else:
-            return None
-    if len(found) != 2 or not found[0][0] * found[1][0] > 0.0:
+    split = squares_in(g, variables)
+    if split is None or len(split[0]) != 2:
         return None
-    sign = -1.0 if found[0][0] > 0.0 else 1.0
-    bases = [mul(const(math.sqrt(-sign * factor)), base) for factor, base in found]
-    if any(Shadow(variables).degree(base) != 1 for base in bases):
+    roots = [root for factor, _ in split[0] if (root := _root_of_factor(factor)) is not None]
+    if len(roots) != 2 or not roots[0][0] * roots[1][0] > 0.0:
         return None
+    sign = -1.0 if roots[0][0] > 0.0 else 1.0
+    bases = [mul(const(math.sqrt(-sign * number)), root, base) for (number, root), (_, base) in zip(roots, split[0], strict=True)]
     rows = [[slope(base, v) for v in variables] for base in bases]
     if not all(free_of(e, variables) for row in rows for e in row):
         return None
-    whole = add(*(mul(const(sign * factor), e) for factor, e in top))
-    return Squares(whole, (bases[0], bases[1]), ((rows[0][0], rows[0][1]), (rows[1][0], rows[1][1])), sign)
+    return Squares(mul(const(sign), add(*split[1])), (bases[0], bases[1]), ((rows[0][0], rows[0][1]), (rows[1][0], rows[1][1])), sign)
 
 
-def _with_a_root(term: Mul, variables: tuple[Var, Var]) -> tuple[float, Expr, Expr] | None:
-    """Returns a number and a root of the factors without the variables, and the one factor with them; None if there are others."""
-    number, roots, rest = 1.0, [], []
-    for factor in cast("Sequence[Expr]", term.children):
-        if isinstance(factor, Const):
-            number *= float(factor.data)
-        elif not free_of(factor, variables):
-            rest.append(factor)
-        elif (root := _root(factor)) is not None:
+def _root_of_factor(factor: Expr) -> tuple[float, Expr] | None:
+    """Returns a number and a root of what it is multiplied with; None if that is not written as a square."""
+    number, roots = 1.0, []
+    for part in cast("Sequence[Expr]", factor.children if isinstance(factor, Mul) else (factor,)):
+        if isinstance(part, Const):
+            number *= float(part.data)
+        elif (root := _root(part)) is not None:
             roots.append(root)
         else:
             return None
-    return (number, mul(*roots), rest[0]) if len(rest) == 1 else None
+    return number, mul(*roots)
 
 
 def _root(e: Expr) -> Expr | None:
@@ -181,8 +199,25 @@ def rewrite_conic(g: Expr, coefficient: Expr, chain: Chain, data: Conic) -> Expr
         return rewrite_implicit(g, coefficient, chain, Implicit(data.variables))
     radius = call("sqrt", call("max", place.square, place.least))
     curve = _Ellipse(g, coefficient, (mine[0], mine[1]), data, place.centre, radius)
-    quarters = add(*(_quarter(curve, k) for k in range(4)))
-    return nest(where(place.exists, quarters, ZERO), others)
+    quarters = nest(where(place.exists, add(*(_quarter(curve, k) for k in range(4))), ZERO), others)
+    if data.is_certain:
+        return quarters
+    charts = rewrite_implicit(g, coefficient, chain, Implicit(data.variables))
+    return None if charts is None else where(_fits(curve, boxes), quarters, charts)
+
+
+def _fits(curve: _Ellipse, boxes: Sequence[Binder]) -> Cond:
+    """Returns whether the ellipse is not much larger than its box, nor a strip: its points are c + √κ·Lw, and may cancel otherwise."""
+    (p, q), (r, s) = cast(Squares, curve.data.squares).rows
+    lengths = mul(*(add(integer_power(a, 2), integer_power(b, 2)) for a, b in ((p, q), (r, s))))
+    whole = sub(mul(p, s), mul(q, r))
+    fits = [positive(sub(integer_power(whole, 2), mul(const(LEAST_SINE**2), lengths)))]
+    for b, row in zip(boxes, curve.data.inverse, strict=True):
+        middle, extent = mul(const(0.5), add(b.lo, b.hi)), call("magnitude", sub(b.hi, b.lo))
+        reach = [mul(curve.radius, e) for e in row]
+        for e in (*reach, *([] if curve.centre[b.var].free else [sub(curve.centre[b.var], middle)])):
+            fits.append(positive(sub(mul(const(LARGEST), extent), call("magnitude", e))))
+    return conjunction(*fits)
 
 
 @dataclass(frozen=True)
@@ -220,7 +255,7 @@ def _centre(data: Conic, squares: Squares) -> dict[Var, Expr]:
     """Returns the point at which both squares are 0."""
     offsets = [cast(Expr, substitute(base, dict.fromkeys(data.variables, ZERO))) for base in squares.bases]
     return {
-        v: tidy(add(*(mul(const(-entry), offset) for entry, offset in zip(row, offsets, strict=True))))
+        v: tidy(mul(MINUS_ONE, add(*(mul(entry, offset) for entry, offset in zip(row, offsets, strict=True)))))
         for v, row in zip(data.variables, data.inverse, strict=True)
     }
 
@@ -237,10 +272,10 @@ class _Ellipse:
     radius: Expr
 
     @property
-    def measure(self) -> float:
+    def measure(self) -> Expr:
         """½·det L."""
         (a, b), (c, d) = self.data.inverse
-        return 0.5 * abs(a * d - b * c)
+        return mul(const(0.5), call("magnitude", sub(mul(a, d), mul(b, c))))
 
     def at(self, first: Expr, second: Expr) -> dict[Var, Expr]:
         """Returns the point of the ellipse for a point w of the unit circle: c + √κ·Lw."""
@@ -248,7 +283,7 @@ class _Ellipse:
 
     def offset(self, first: Expr, second: Expr) -> dict[Var, Expr]:
         """Returns the offset of this point from the centre: √κ·Lw."""
-        steps = [add(mul(const(a), first), mul(const(b), second)) for a, b in self.data.inverse]
+        steps = [add(mul(a, first), mul(b, second)) for a, b in self.data.inverse]
         return {v: mul(self.radius, step) for v, step in zip(self.data.variables, steps, strict=True)}
 
 
@@ -259,7 +294,8 @@ def _quarter(curve: _Ellipse, number: int) -> Expr:
     angle, c, s = (fresh(name, taken) for name in ("φ", "cos φ", "sin φ"))
     turned = (c, s), (mul(MINUS_ONE, s), c), (mul(MINUS_ONE, c), mul(MINUS_ONE, s)), (s, mul(MINUS_ONE, c))
     at = curve.at(*turned[number])
-    value = restrict(coefficient, at, g, (binders[1].var, binders[0].var))
+    coefficient, bases = _along_bases(curve, coefficient, turned[number])
+    value = restrict(coefficient, {**at, **bases}, g, (binders[1].var, binders[0].var))
     offset = curve.offset(*turned[number])
     for b in binders:  # relative to the centre: of a circle around a corner the half, however small it is
         lo, hi = (sub(cast(Expr, substitute(e, at)), curve.centre[b.var]) for e in (b.lo, b.hi))
@@ -272,8 +308,27 @@ def _quarter(curve: _Ellipse, number: int) -> Expr:
         return positive(new if polynomial is None else polynomial, old.strict, resolution, old.rivals)
 
     at_angle: dict[Var, Expr] = {c: call("cos", angle), s: call("sin", angle)}
-    body = cast(Expr, substitute(mul(const(curve.measure), value), at_angle, algebraic))
+    body = cast(Expr, substitute(mul(curve.measure, value), at_angle, algebraic))
     return integral_over(body, angle, const(-EIGHTH), const(EIGHTH))
+
+
+def _along_bases(curve: _Ellipse, coefficient: Expr, point: tuple[Expr, Expr]) -> tuple[Expr, dict[Var, Expr]]:
+    """Returns a coefficient in which variables stand for the affine functions whose squares g has, and their values √κ·w: where the
+    coordinates are large beside a short axis, these would cancel. Conditions are left as they are."""
+    symbols: dict[Node, Var] = {}
+    values: dict[Var, Expr] = {}
+    for base, w in zip(curve.data.squares.bases if curve.data.squares is not None else (), point, strict=False):
+        factors = cast("Sequence[Expr]", base.children) if isinstance(base, Mul) else (base,)
+        moving = [f for f in factors if not free_of(f, curve.data.variables)]
+        if len(moving) == 1 and not isinstance(moving[0], Var):
+            symbols[moving[0]] = fresh("p", coefficient.free | values.keys())
+            values[symbols[moving[0]]] = div(mul(curve.radius, w), mul(*(f for f in factors if f is not moving[0])))
+
+    def replacement(node: Node) -> Node | None:
+        apart = isinstance(node, Cond) or (isinstance(node, Integral) and node.var in curve.data.variables)
+        return node if apart else symbols.get(node)
+
+    return cast(Expr, rewrite_below([coefficient], replacement)[coefficient]), values
 
 
 def _without_constants(value: Expr, c: Var, s: Var) -> Expr:

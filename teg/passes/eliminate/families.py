@@ -32,7 +32,7 @@ from teg.ir.traverse import fresh, rebuild, rename_apart
 from teg.maps.diffeomorphism import Diffeomorphism, checked_maps
 from teg.passes.eliminate.affine import Affine, match_affine, match_partly_affine, match_turning, rewrite_affine
 from teg.passes.eliminate.bilinear import match_bilinear, rewrite_bilinear
-from teg.passes.eliminate.conic import match_conic, rewrite_conic
+from teg.passes.eliminate.conic import match_conic, match_squares, rewrite_conic
 from teg.passes.eliminate.crossings import match_curve, rewrite_curve
 from teg.passes.eliminate.implicit import MAX_CHARTS, Implicit, match_implicit, rewrite_by_formulas, rewrite_implicit
 from teg.passes.eliminate.mapped import user_families
@@ -55,6 +55,7 @@ FORMULAS: Families = (
 FAMILIES: Families = (
     *FORMULAS,
     (match_conic, rewrite_conic),
+    (match_squares, rewrite_conic),
     (match_implicit, rewrite_implicit),
     (match_partly_affine, rewrite_affine),
 )

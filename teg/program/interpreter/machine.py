@@ -16,7 +16,7 @@ from teg.program.interpreter.isolate import isolate
 from teg.program.interpreter.locate import locate
 from teg.program.interpreter.moments import hyperbola
 from teg.program.interpreter.polyhedra import polyhedron
-from teg.program.limits import TIE_EPS
+from teg.program.limits import SAME_MEANS, TIE_EPS
 from teg.program.operations import OPERATIONS
 from teg.program.statements import (
     Arg,
@@ -183,7 +183,10 @@ class Machine:
         self.evaluations += replicates * each if is_leaf(stmt) else 0
         means = [[sum(row[j] for row in part) / each for j in range(count)] for part in rows]
         mean = [sum(m[j] for m in means) / replicates for j in range(count)]
-        return [*mean, *(_standard_error([m[j] for m in means], [row[j] for row in rows[0]], mean[j]) for j in range(tested))]
+        return [
+            *mean,
+            *(_standard_error([m[j] for m in means], [[row[j] for row in part] for part in rows], mean[j]) for j in range(tested)),
+        ]
 
 
 def _coordinate(stmt: Sample, replicate: int, index: int, dimension: int) -> float:
@@ -192,13 +195,18 @@ def _coordinate(stmt: Sample, replicate: int, index: int, dimension: int) -> flo
     return sobol_coordinate(stmt.seed, replicate, index, dimension)
 
 
-def _standard_error(means: Sequence[float], values: Sequence[float], mean: float) -> float:
-    """Returns the standard error of the mean of several means, or of one mean of all values. It is computed relative to the first value, so
-    that nothing cancels."""
-    if not math.isfinite(mean):
+def _standard_error(means: Sequence[float], values: Sequence[Sequence[float]], mean: float) -> float:
+    """Returns the standard error of the mean of several means, or of one mean of all values. Squares are computed relative to the first
+    value of a replicate, so that nothing cancels."""
+    r, n = len(means), len(values[0])
+    if not math.isfinite(mean) or r * n == 1:
         return math.nan
-    if len(means) > 1:
-        return math.sqrt(sum((m - mean) ** 2 for m in means) / (len(means) * (len(means) - 1.0)))
-    n, first = len(values), values[0]
-    spread = sum((v - first) ** 2 for v in values) - n * (mean - first) ** 2
-    return math.sqrt(max(spread, 0.0) / (n * (n - 1.0))) if n > 1 else math.nan
+    scatter = sum((m - mean) ** 2 for m in means)
+    squares = n * scatter
+    for m, (first, *others) in zip(means, values, strict=True):
+        squares += max(sum((v - first) ** 2 for v in others) - n * (m - first) ** 2, 0.0)
+    if r == 1:
+        return math.sqrt(squares / (n - 1.0) / n)
+    variance = squares / (r * n)
+    hidden = scatter <= SAME_MEANS**2 * (mean**2 + variance)
+    return math.sqrt(max(scatter / (r * (r - 1.0)), variance / n**2 if hidden else 0.0))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from itertools import pairwise
 
+import mpmath
 import numpy as np
 import pytest
 
@@ -73,7 +74,7 @@ def test_matches(g: teg.Expr, match: tuple[float, tuple[float, float, float]] | 
         assert found is match
         return
     sign, (first, mixed, second) = match
-    root = np.array(found.inverse)
+    root = np.array([[e.data for e in row] for row in found.inverse])
     assert found.variables == (y, x)
     assert found.sign == sign
     np.testing.assert_allclose(root.T @ np.array([[first, mixed], [mixed, second]]) @ root, np.eye(2), atol=1e-9)
@@ -204,3 +205,58 @@ def test_a_long_ellipse_that_is_turned_loses_no_digits(backend: str, aspect: flo
     inside = (c * x + s * y) ** 2 + (aspect * (c * y - s * x)) ** 2 < t * t
     f = teg.compile(teg.integral(teg.bracket(inside), (x, -1, 1), (y, -1, 1)), [t], backend=backend)
     assert aspect * f.grad(t=0.6)["t"] == pytest.approx(2 * math.pi * 0.6, rel=1e-12)
+
+
+def bessel(radius: mpmath.mpf) -> mpmath.mpf:
+    """The mean of exp(ξ) over a disk of this radius around 0."""
+    return 2 * mpmath.besseli(1, radius) / radius
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_thin_ellipses_of_parameters(backend: str) -> None:
+    """Around (0.3, 0.2), half-axes √t and b√t, turned by a: the integral of exp(x), and the values along a leaning one, to ε/b."""
+    across, along = (y - 0.2) * teg.cos(a) - (x - 0.3) * teg.sin(a), (x - 0.3) * teg.cos(a) + (y - 0.2) * teg.sin(a)
+    f = teg.compile(teg.integral(teg.bracket(along**2 + (across / b) ** 2 < t) * teg.exp(x), (x, -1, 1.5), (y, -1, 1.5)), backend=backend)
+    with mpmath.workdps(40):
+        mean = mpmath.exp(mpmath.mpf(0.3)) * mpmath.pi
+
+        def exact(t: mpmath.mpf, a: mpmath.mpf, b: mpmath.mpf) -> mpmath.mpf:
+            return mean * t * b * bessel(mpmath.sqrt(t * (mpmath.cos(a) ** 2 + (b * mpmath.sin(a)) ** 2)))
+
+        for at in ((0.25, 0.4, 0.7), (0.25, 0.4, 7e-3), (0.25, 1.2, 1e-6), (0.25, 0.0, 1e-6), (0.25, math.pi / 2, 1e-7), (0.25, 0.4, 1e-8)):
+            point = tuple(map(mpmath.mpf, at))
+            value, gradient = f.value_and_grad(dict(zip("tab", at, strict=True)))
+            lost = 1e-15 / at[2] + 1e-12
+            assert value == pytest.approx(float(exact(*point)), rel=lost)
+            assert gradient["t"] == pytest.approx(float(mpmath.diff(exact, point, (1, 0, 0))), rel=1e-12)
+            assert gradient["b"] == pytest.approx(float(mpmath.diff(exact, point, (0, 0, 1))), rel=1e-12)
+            assert gradient["a"] == pytest.approx(float(mpmath.diff(exact, point, (0, 1, 0))), abs=lost * value)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_strips_and_ellipses_that_are_much_larger_than_the_box(backend: str) -> None:
+    """No point of a strip is a centre plus an offset, and points of a large ellipse cancel."""
+    f = teg.compile(
+        teg.integral(teg.bracket((a * (x - 0.1)) ** 2 + y * y < t) * teg.exp(x), (x, -1, 1), (y, -1, 1)), [t, a], backend=backend
+    )
+    ends = math.e - 1 / math.e
+    for at in (0.0, 1e-12, 1e-5):
+        value, gradient = f.value_and_grad(t=0.25, a=at)
+        assert value == pytest.approx(ends, rel=1e-9)
+        assert gradient["t"] == pytest.approx(2 * ends, rel=1e-9)
+        assert gradient["a"] == pytest.approx(-4 * at * (1.01 * math.e - 5.41 / math.e), rel=1e-9)
+
+
+@pytest.mark.parametrize("aspect", [1e6, 1e12, 1e16])
+def test_a_thin_ellipse_whose_type_is_not_known(aspect: float) -> None:
+    """By charts, about its centre: where multiplied out, its matrix cancels by the square of the aspect."""
+    c, s = math.cos(0.4), math.sin(0.4)
+    q = ((x - 0.3) * c + (y - 0.2) * s) ** 2 + a * ((y - 0.2) * c - (x - 0.3) * s) ** 2
+    f = teg.compile(teg.integral(teg.bracket(q < t) * teg.exp(x), (x, -1, 1.5), (y, -1, 1.5)), [t, a])
+    value, gradient = f.value_and_grad(t=0.25, a=aspect)
+    with mpmath.workdps(30):
+        unit = float(mpmath.exp(0.3) * mpmath.pi / mpmath.sqrt(aspect))
+        exact = [float(mpmath.diff(lambda t: t * bessel(mpmath.sqrt(t * (c * c + s * s / aspect))), 0.25, k)) for k in (0, 1)]
+    lost = 1e-10 + 2e-15 * math.sqrt(aspect)
+    assert value == pytest.approx(unit * exact[0], rel=lost)
+    assert gradient["t"] == pytest.approx(unit * exact[1], rel=lost)

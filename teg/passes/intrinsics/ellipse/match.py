@@ -315,7 +315,7 @@ def _surface(g: Expr, box: Chain) -> _Surface | None:
 
 def _inverse(data: Conic, inner: Binder) -> tuple[tuple[Expr, Expr], tuple[Expr, Expr]]:
     """Returns A of an ellipse of numbers, for points (u, v), u along the inner variable."""
-    (a, b), (c, d) = data.inverse
+    (a, b), (c, d) = [[float(cast(Const, e).data) for e in row] for row in data.inverse]
     if data.variables[0] is not inner.var:
         (a, b), (c, d) = (c, d), (a, b)
     whole = a * d - b * c
