@@ -290,14 +290,15 @@ def _follow(stmt: Assign, truth: dict[str, bool], zeros: set[str], opposites: Ma
 
 
 class Uses:
-    """The names that statements, and those inside them, read; hints are for this pass only."""
+    """The names that statements, and those inside them, read, with those that are `hints` only or without."""
 
-    def __init__(self) -> None:
+    def __init__(self, hints: bool = False) -> None:
+        self.hints = hints
         self._known: dict[int, tuple[Stmt, set[str]]] = {}  # by id, with the statement, which keeps it alive
 
     def of(self, stmt: Stmt) -> set[str]:
         if id(stmt) not in self._known:
-            self._known[id(stmt)] = stmt, set(free_names(stmt, hints=False))
+            self._known[id(stmt)] = stmt, set(free_names(stmt, self.hints))
         return self._known[id(stmt)][1]
 
 

@@ -30,7 +30,7 @@ from itertools import count
 from typing import Annotated, Any
 
 from teg.backends.branches import Uses
-from teg.program import Adaptive, Arg, Assign, Integrate, Isolate, Locate, Program, assigned, free_names, statements
+from teg.program import Adaptive, Arg, Assign, Integrate, Isolate, Locate, Program, assigned, statements
 from teg.program.dce import without_dead_code
 from teg.program.fields import Block, Operand, Part, Result, Variable, declared, inner_blocks, operands, with_blocks
 from teg.program.walk import free_in
@@ -72,13 +72,15 @@ def _grouped(block: Sequence[Any], needed: Iterable[Arg], numbers: Iterator[int]
         return tuple(stmts)
     outside = {a for a in needed if isinstance(a, str)}
     tried: set[int] = set()
-    uses = Uses()
+    uses = Uses(), Uses(hints=True)
     for first in compound:
         if id(first) in tried:
             continue
         group = [first]
         for other in compound:
-            if id(other) not in tried and other is not first and _looks_like(first, other) and _independent(stmts, [*group, other], uses):
+            if id(other) in tried or other is first or not _looks_like(first, other):
+                continue
+            if _independent(stmts, [*group, other], uses[0]):
                 group.append(other)
         group = [first, *(s for s in group[1:] if _changed(stmts, [first, s], outside, uses, numbers))]
         if len(group) > 1 and (changed := _changed(stmts, group, outside, uses, numbers)):
@@ -87,13 +89,15 @@ def _grouped(block: Sequence[Any], needed: Iterable[Arg], numbers: Iterator[int]
     return tuple(stmts)
 
 
-def _changed(stmts: Sequence[Any], group: Sequence[Any], needed: set[str], uses: Uses, numbers: Iterator[int]) -> list[Any] | None:
-    """The block with rows instead of a group, or None if their texts differ too much."""
-    found = _rows(stmts, group, needed, numbers)
+def _changed(
+    stmts: Sequence[Any], group: Sequence[Any], needed: set[str], uses: tuple[Uses, Uses], numbers: Iterator[int]
+) -> list[Any] | None:
+    """The block with rows instead of a group, or None if their texts differ too much; `uses` without hints and with them."""
+    found = _rows(stmts, group, needed, uses[1], numbers)
     if found is None:
         return None
     rows, selects = found
-    changed = _live(_with(stmts, group, rows, uses), needed)
+    changed = _live(_with(stmts, group, rows, uses[0]), needed, uses[1])
     return None if selects and _cost(stmts) - _cost(changed) < SPARED * _cost(group) else changed
 
 
@@ -153,20 +157,20 @@ def _with(stmts: Sequence[Any], group: Sequence[Any], rows: Rows, uses: Uses) ->
     return [*before, rows, *after]
 
 
-def _live(stmts: Sequence[Any], needed: set[str]) -> list[Any]:
+def _live(stmts: Sequence[Any], needed: set[str], uses: Uses) -> list[Any]:
     """The statements that something needed depends on."""
     used, kept = set(needed), []
     for stmt in reversed(stmts):
         if not isinstance(stmt, Assign) or stmt.name in used:
             kept.append(stmt)
-            used.update(free_names(stmt))
+            used.update(uses.of(stmt))
     return kept[::-1]
 
 
-def _rows(stmts: Sequence[Any], group: Sequence[Any], needed: set[str], numbers: Iterator[int]) -> tuple[Rows, int] | None:
+def _rows(stmts: Sequence[Any], group: Sequence[Any], needed: set[str], uses: Uses, numbers: Iterator[int]) -> tuple[Rows, int] | None:
     """The rows of a group, and how many values are selected in them; or None if their texts differ in more than that."""
     members = {id(s) for s in stmts if type(s) is type(group[0])}  # what statements of other rows use too may be computed again there
-    others = {n.name for n in _live([s for s in stmts if id(s) not in members], needed) if isinstance(n, Assign)}
+    others = {n.name for n in _live([s for s in stmts if id(s) not in members], needed, uses) if isinstance(n, Assign)}
     own = {s.name: s for s in stmts if isinstance(s, Assign) and s.name not in others}
     matching = _Matching(len(group), own, numbers)
     try:
