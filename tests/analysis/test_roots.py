@@ -113,7 +113,7 @@ def test_a_power_whose_exponent_is_a_parameter(lo: float, exponent: float, at: f
 
 def test_zeros_of_a_wave_whose_phase_is_a_parameter_are_counted() -> None:
     """An interval that is half a period long has two at most, wherever it begins; of a wave whose frequency is a parameter that is open."""
-    phase, rate = teg.params("phase rate")
+    phase, pitch = teg.params("phase pitch")
     known = solve(teg.sin(2 * x + phase) - 0.3, x, const(0.0), const(1.5))
     assert known is not None
     assert known.certain
@@ -122,6 +122,6 @@ def test_zeros_of_a_wave_whose_phase_is_a_parameter_are_counted() -> None:
         found = [v for v in points(known, phase=at) if 0.0 <= v <= 1.5]
         expected = [(u - at) / 2 + turn * np.pi for u in (np.arcsin(0.3), np.pi - np.arcsin(0.3)) for turn in range(-9, 10)]
         assert sorted(found) == pytest.approx(sorted(v for v in expected if 0.0 <= v <= 1.5), abs=1e-12)
-    unknown = solve(teg.sin(rate * x) - 0.3, x, const(0.0), const(1.5))
+    unknown = solve(teg.sin(pitch * x) - 0.3, x, const(0.0), const(1.5))
     assert unknown is not None
     assert not unknown.certain
