@@ -71,8 +71,7 @@ class Integral:
         when: Value = True,
     ) -> tuple[Value, ...]:
         """Returns the results, of the arguments' common shape; `ends`: the bounds, then breaks; `bends`: base, scale, reach if slow,
-        coefficients;
-        `for_…`: what blocks take from outside."""
+        coefficients; `for_…`: what blocks take from outside."""
         first, second = len(ends) + len(bends), len(ends) + len(bends) + len(for_flags)
 
         def work(given: Sequence[Array], lanes: int) -> Array:

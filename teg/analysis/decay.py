@@ -13,7 +13,6 @@ terms may cancel. Linear in the size of the integrand.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from functools import lru_cache
 from itertools import accumulate
 from typing import NamedTuple
 
@@ -43,7 +42,6 @@ class Growth(NamedTuple):
 _STILL, _FAST = Growth(ZERO), Growth(ZERO, False, True)
 
 
-@lru_cache(maxsize=1024)
 def steepest_of_slow(node: Integral) -> Expr | None:
     """Returns the largest degree of all parts of a slow integrand, 1 at least; None for an integrand that is not slow.
 

@@ -16,12 +16,12 @@ from teg.ir.simplify import add, call, conjunction, integer_power, mul, positive
 from teg.ir.traverse import rewrite
 
 LEAST = 1.5
-"""The exponent from which on a power has a derivative that tends to 0 with it, and so has its logarithm times this."""
+"""The least exponent k for which an order of -½ of u^(k - 2) is not too large."""
 
 
 def raised_powers(e: Expr) -> tuple[Expr, Cond]:
-    """Returns an expression with u²·u^(k - 2) for powers of what depends on variables, and where it may stand for it: the exponents are
-    parameters, and not too small."""
+    """Returns an expression in which powers u^k, of what depends on variables, by parameters k are written u²·u^(k - 2); and the condition
+    under which it may replace the expression: no k is less than `LEAST`."""
     exponents = {n.children[1] for n in postorder([e]) if isinstance(n, Call) and n.name == "pow" and n.children[0].free}
     exponents = {k for k in exponents if not k.free and any(isinstance(n, Param) for n in postorder([k]))}
 

@@ -482,10 +482,10 @@ def _periodic_preimages(name: str, u: Expr, c: Expr, x: Var, lo: Expr, hi: Expr)
         least_end = where(positive(sub(ends[1], ends[0])), ends[0], ends[1])
         first, rate, width = call("floor", sub(div(least_end, const(math.pi)), const(0.5))), slope(u, x), sub(hi, lo)
         count, certain = MAX_PERIODIC, False
-        if isinstance(rate, Const) and isinstance(width, Const):  # where it begins is not known, how long it is is
-            most_of = math.ceil(abs(rate.data * width.data) / math.pi) + 3
-            certain = most_of <= MAX_PERIODIC
-            count = min(most_of, MAX_PERIODIC)
+        if isinstance(rate, Const) and isinstance(width, Const):  # the range of u has a known length, if not a known place
+            all_of_them = math.ceil(abs(rate.data * width.data) / math.pi) + 3
+            certain = all_of_them <= MAX_PERIODIC
+            count = min(all_of_them, MAX_PERIODIC)
     pairs: list[tuple[Expr, Cond]] = []
     for j in range(count):
         m = add(first, const(float(j)))

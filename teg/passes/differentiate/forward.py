@@ -185,11 +185,14 @@ def _integral(node: Integral, tangent: dict[Expr, Expr]) -> Expr:
 
 
 class Transport:
-    """Derivatives, along one direction, of integrals whose integrands have singularities that move."""
+    """Derivatives, along one direction, of integrals whose integrands have singularities that move.
 
-    def __init__(self, root: Expr, direction: Direction, sharp: Container[Node] | None = None, raises: bool = True) -> None:
+    `by_exponent`: powers with parameters for exponents have two derivatives, of which one is not carried along (`teg.analysis.powers`).
+    """
+
+    def __init__(self, root: Expr, direction: Direction, sharp: Container[Node] | None = None, by_exponent: bool = True) -> None:
         self.direction = direction
-        self._raises = raises
+        self._by_exponent = by_exponent
         self._root = root
         self._sharp = sharp
         self._keys = Keys()
@@ -213,10 +216,10 @@ class Transport:
             else:
                 whole = nest(weight, chain)
                 terms.append(_tangents(whole, self.direction)[whole])
-        raised, smooth = raised_powers(node) if self._raises else (node, ex.TRUE)
+        raised, smooth = raised_powers(node) if self._by_exponent else (node, ex.TRUE)
         if raised is node:
             return add(*terms)
-        moved = Transport(raised, self.direction, raises=False).of(cast(Integral, raised))
+        moved = Transport(raised, self.direction, by_exponent=False).of(cast(Integral, raised))
         plain = _tangents(raised, self.direction)[raised] if moved is None else moved
         return where(smooth, merged_powers(plain), add(*terms))
 
