@@ -49,7 +49,7 @@ class Integrals:
         blocks, variables = [flags, body if abreast is None or abreast.has_exceptions else abreast.steps], {stmt.var: "x"}
         bounds: tuple[Arg, ...] = ()
         if stmt.guard is not None:
-            bounds = (*stmt.guard.sizes, *stmt.guard.upper, *stmt.guard.lower)
+            bounds = stmt.guard.bounds
             blocks.append([*self._steps(stmt.guard.block), *yields(bounds)])
             variables |= {stmt.guard.left: "left", stmt.guard.right: "right"}
         if abreast is not None:

@@ -19,7 +19,7 @@ Scalar = Any
 
 class Guard(NamedTuple):
     """The printed `block`: from (left, right, flags of the piece) to bounds of sizes, then the upper and the lower bounds of `sharp`
-    values; and a note."""
+    values, and those of what is below the upper ones; and a note."""
 
     block: Callable[[Scalar, Scalar, tuple[Scalar, ...]], tuple[tuple[Scalar, ...], Any]]
     sharp: int
@@ -50,9 +50,10 @@ class Guard(NamedTuple):
         matters = ~small & (length != 0.0)  # a node that stands twice hides nothing
         beside = jnp.fmax(jnp.concatenate([seen[:1], seen]), jnp.concatenate([seen, seen[-1:]]))
         known = jnp.concatenate([_least(seen)[None], beside])
-        upper, lower = found[:, tested : tested + self.sharp], found[:, tested + self.sharp :]
+        upper, lower, change = jnp.split(found[:, tested:], 3, axis=1)
         within = (jnp.concatenate([u[:1], u[:-1]]) > 0.0) & (u < 1.0)
         large = is_unseen(jnp, upper, lower, known, (~whole & (~finite | (~within & (depth >= DEEP))))[:, None])
+        large &= ~(change * length[:, None] <= jnp.min(enough))
         inside = ~finite | (within & (depth < GUARD_DEPTH))
         counts = ~jnp.isposinf(upper) | (inside | whole)[:, None]
         unseen = jnp.any(large & counts, axis=1) & matters

@@ -117,7 +117,7 @@ def _integral(stmt: Integrate, note: str) -> list[str]:
     blocks, lines = _blocks_of(stmt)
     arguments += [f"({inside(map(_text, of_bends))})", f"({inside(blocks)})"] + ([f"when={stmt.when}"] if stmt.when else [])
     if stmt.guard is not None:
-        bounds = (*stmt.guard.sizes, *stmt.guard.upper, *stmt.guard.lower)
+        bounds = stmt.guard.bounds
         lines += [f"def guard_{stmt.var}({stmt.guard.left}, {stmt.guard.right}, flagged):", *_taken(_names(stmt.flags), "flagged")]
         lines += _block(stmt.guard.block, f"({inside(map(_text, bounds))})")
         arguments.append(f"guard=guards.Guard(guard_{stmt.var}, {len(stmt.guard.upper)})")

@@ -22,7 +22,7 @@ Array = npt.NDArray[Any]
 @dataclass(frozen=True, slots=True)
 class Guard:
     """The printed `block`: from (run, left, right, *values from outside) to bounds of sizes, then to the upper and the lower bounds of
-    `sharp` values."""
+    `sharp` values, and those of what is below the upper ones."""
 
     block: Callable[..., tuple[Any, ...]]
     sharp: int
@@ -98,10 +98,11 @@ class Guard:
             small &= np.where(finite, size * length <= wanted, size == 0.0)
         matters = ~small
         unseen, endless = (np.zeros(left.size, dtype=np.bool_) for _ in range(2))
-        first = len(enough)
+        first, least = len(enough), np.min(enough, axis=0)
         for i in range(self.sharp):
             upper, lower = found[first + i], found[first + self.sharp + i]
             large = is_unseen(np, upper, lower, seen[i], np.False_ if last is None else ~finite | last)
+            large &= ~(found[first + 2 * self.sharp + i] * length <= least)
             infinite = np.False_ if last is None else np.isposinf(upper)
             unseen |= large & ~infinite
             endless |= large & infinite

@@ -289,7 +289,7 @@ class _Printer:
                 assert_never(stmt.rule)
         node_width = self.function(body, [stmt.var, *names], stmt.body, stmt.at_nodes)
         if stmt.guard is not None:
-            guard, bounds = stmt.guard, (*stmt.guard.sizes, *stmt.guard.upper, *stmt.guard.lower)
+            guard, bounds = stmt.guard, stmt.guard.bounds
             node_width += len(guard.seen) + self.function(f"guard_{number}", [guard.left, guard.right, *names], guard.block, bounds)
         leaf = not any(isinstance(s, Integrate | Sample | Polygon | Polyhedron | Segment) for s in compound(stmt.body))
         counts = f"values={len(stmt.values)}, tested={stmt.tested}, estimated={bool(stmt.estimates)!r}, leaf={leaf!r}"

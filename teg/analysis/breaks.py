@@ -45,17 +45,17 @@ SOME_ISOLATED = 12
 class Breaks:
     """The breaks of one integral.
 
-    `functions` are the break functions, `points` their roots in closed form. `matters` maps a function whose roots are found at run time
-    to a condition: evaluated at a root, it says whether the root is a break inside the inner bounds. `isolated` are the functions whose
-    roots are found at run time; `located` are the pairs of them whose common zeros are found at run time, where no better break is
-    known. `handled` are the surfaces g whose sign is constant on every piece. `complete` says that the integrand is smooth on every
-    piece. `bends` are the points where the integrand turns into another branch, also outside of a piece. `rooted` says that the
-    integrand may behave like a square root at the end of a piece for other reasons. `origins` maps functions to the surfaces that meet
-    where they are 0, if the integrand is linear in the integrals that they come from.
+    `functions` are the break functions, `points` their roots in closed form, with the factor that is 0 there. `matters` maps a function
+    whose roots are found at run time to a condition: evaluated at a root, it says whether the root is a break inside the inner bounds.
+    `isolated` are the functions whose roots are found at run time; `located` are the pairs of them whose common zeros are found at run
+    time, where no better break is known. `handled` are the surfaces g whose sign is constant on every piece. `complete` says that the
+    integrand is smooth on every piece. `bends` are the points where the integrand turns into another branch, also outside of a piece.
+    `rooted` says that the integrand may behave like a square root at the end of a piece for other reasons. `origins` maps functions to
+    the surfaces that meet where they are 0, if the integrand is linear in the integrals that they come from.
     """
 
     functions: tuple[Expr, ...]
-    points: tuple[Expr, ...]
+    points: Mapping[Expr, Expr]
     isolated: tuple[Isolation, ...]
     located: tuple[Location, ...]
     handled: frozenset[Expr]
@@ -100,13 +100,13 @@ class BreakAnalysis:
             atoms = [a.g for a in atoms_of(body, x) if not a.g.free & inner]
             formula = self.functions.solve(masses.g, x, node.lo, node.hi)
             complete = formula is not None and formula.certain
-            return Breaks(tuple(dict.fromkeys((masses.g, *atoms))), (), (), (), frozenset(), complete, False)
+            return Breaks(tuple(dict.fromkeys((masses.g, *atoms))), {}, (), (), frozenset(), complete, False)
         projection = Contribution()
         direct = [a.g for a in atoms_of(body, x) if not a.g.free & inner]
         for g in direct:
             projection.add(g)
         self._collect(body, x, inner, projection)
-        points: dict[Expr, None] = {}
+        points: dict[Expr, Expr] = {}
         handled: set[Expr] = set()
         complete = projection.complete
         functions, matters = self._distinct(projection.functions)
@@ -124,17 +124,17 @@ class BreakAnalysis:
                 continue
             else:
                 complete = False
-            for r in roots[0] if roots is not None else ():
+            for r, factor in roots[0] if roots is not None else ():
                 kept = _kept(r, matters[representative], x)
                 if not _outside(r, node.lo, node.hi) and not (isinstance(kept, Const) and math.isnan(kept.data)):
-                    points[kept] = None
+                    points[kept] = factor
         distinct = tuple(dict.fromkeys(functions.values()))
         located = [locate(f, g, z, low, high, x) for f, g, z, low, high in list(projection.meetings)[:MAX_LOCATED]]
         together = tuple(m for m in located if m is not None)
         bends = self._bends(projection, node)  # which may find that the projection is rooted
         breaks = Breaks(
             distinct,
-            tuple(points),
+            points,
             tuple(isolated.values()),
             together,
             frozenset(handled),
@@ -175,7 +175,7 @@ class BreakAnalysis:
         return replace(
             found,
             functions=tuple(dict.fromkeys(f for b in every for f in b.functions)),
-            points=tuple(dict.fromkeys(p for b in every for p in b.points)),
+            points={p: factor for b in every for p, factor in b.points.items()},
             isolated=tuple(dict.fromkeys(i for b in every for i in b.isolated if b is not found or not enough or i.g in wanted)),
             located=() if enough else tuple(dict.fromkeys(m for b in every for m in b.located)),
             rooted=True,
@@ -284,12 +284,13 @@ class BreakAnalysis:
             matters[representative] = TRUE if isinstance(condition, Or) and len(condition.children) > MAX_PLACES else condition
         return distinct, matters
 
-    def _roots(self, f: Expr, x: Var, lo: Expr, hi: Expr) -> tuple[list[Expr], bool] | None:
-        """Returns the roots of a function over all its branches, and whether these are certainly all; else the rule searches for others.
+    def _roots(self, f: Expr, x: Var, lo: Expr, hi: Expr) -> tuple[list[tuple[Expr, Expr]], bool] | None:
+        """Returns the roots of a function over all its branches, with the factor that is 0 there, and whether these are certainly all; else
+        the rule searches for others.
 
         None if no formula is known.
         """
-        points: list[Expr] = []
+        points: list[tuple[Expr, Expr]] = []
         certain = True
         branches = branches_of(without_extremes(f, x))
         if branches is None:
@@ -298,7 +299,7 @@ class BreakAnalysis:
             roots = self.functions.solve(factor, x, lo, hi)
             if roots is None:
                 return None
-            points.extend(r.point if r.exists is TRUE else where(r.exists, r.point, const(math.nan)) for r in roots.found)
+            points.extend((r.point if r.exists is TRUE else where(r.exists, r.point, const(math.nan)), factor) for r in roots.found)
             certain &= roots.certain
         return points, certain
 

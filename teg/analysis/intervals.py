@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from functools import reduce
 from typing import cast
 
 from teg.errors import NotDifferentiableError
@@ -75,10 +76,7 @@ class Enclosure:
             case Add():
                 return add(*(p[0] for p in parts)), add(*(p[1] for p in parts))
             case Mul():
-                result = parts[0]
-                for p in parts[1:]:
-                    result = _product(result, p)
-                return result
+                return reduce(_product, self._factors(e))
             case Pow():
                 return _power(parts[0], e.exponent)
             case Apply() | ClosedForm():
@@ -89,6 +87,20 @@ class Enclosure:
                 return _hull(self._truth(e.condition), parts[0], parts[1])
             case _:
                 raise NotDifferentiableError("the values of this expression over an interval are not known", e)
+
+    def _factors(self, e: Mul) -> list[Interval]:
+        """Returns bounds of factors; of log u and a power of u together: where u is small, one is large and the product is not."""
+        factors = list(e.children)
+        together: list[Interval] = []
+        for c in e.children:
+            if isinstance(c, Call) and c.name == "log":
+                (u,) = cast(tuple[Expr], c.children)
+                power = next((p for p in factors if _is_power_of(p, u) and self._bounds(k := _exponent(p))[0] is k), None)
+                if power is not None:
+                    factors = [p for p in factors if p is not c and p is not power]
+                    apart = _product(self._bounds(power), self._bounds(c))
+                    together.append(_power_by_logarithm(self._bounds(u), _exponent(power), apart))
+        return [*(self._bounds(p) for p in factors), *together]
 
     def _decision(self, c: Cond) -> Decision:
         match c:
@@ -255,6 +267,27 @@ def _real_power(u: Interval, k: Interval) -> Interval:
     whole = TRUE if k[0] is not k[1] else positive(sub(call("floor", k[0]), k[0]), strict=False)
     reaches = conjunction(positive(mul(MINUS_ONE, u[0])), whole)
     return where(reaches, mul(MINUS_ONE, size), positive_part[0]), where(reaches, size, positive_part[1])
+
+
+def _is_power_of(e: Expr, u: Expr) -> bool:
+    """Returns whether e is a power of u with an exponent that may be positive."""
+    return e.children[:1] == (u,) and (e.exponent > 0 if isinstance(e, Pow) else isinstance(e, Call) and e.name == "pow")
+
+
+def _exponent(power: Expr) -> Expr:
+    return const(float(power.exponent)) if isinstance(power, Pow) else cast(Expr, power.children[1])
+
+
+def _power_by_logarithm(u: Interval, k: Expr, apart: Interval) -> Interval:
+    """Returns bounds of uᵏ·log u: for k > 0 it falls from 0 at u = 0 to -1/(e·k) at u = e^(-1/k), and rises from there on. Other bounds
+    are those of both factors `apart`."""
+    lo, hi = (_most(ZERO, v) for v in u)
+    ends = [where(positive(v), mul(call("pow", v, k), call("log", v)), ZERO) for v in (lo, hi)]
+    lowest = call("exp", div(MINUS_ONE, k))
+    turns = conjunction(positive(sub(lowest, lo)), positive(sub(hi, lowest)))
+    bounds = where(turns, div(const(-1.0 / math.e), k), _least(*ends)), _most(*ends)
+    known = conjunction(positive(k), positive(u[1]))
+    return where(known, bounds[0], apart[0]), where(known, bounds[1], apart[1])
 
 
 def _at_corners(base: Interval, exponents: Sequence[Expr]) -> Interval:

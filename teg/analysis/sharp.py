@@ -78,11 +78,11 @@ def sharp_values(bodies: Sequence[Expr], x: Var, inner: frozenset[Var], degrees:
 
     `poles` is the number of known poles near pieces: a single one has its own treatment.
     """
-    values: dict[Expr, Sharp] = {}
+    values: dict[tuple[Expr, Expr], Sharp] = {}
     for node in _in_values(bodies, x, inner):
         sharp = sharp_value(node, x, degrees, poles) if not node.free & inner else None
         if sharp is not None:
-            values.setdefault(sharp.argument if sharp.wave else sharp.value, sharp)
+            values.setdefault((sharp.argument, ONE) if sharp.wave else (sharp.value, sharp.node), sharp)
     return list(values.values())
 
 
@@ -161,7 +161,8 @@ def _sharp_call(node: Call, x: Var, degrees: Degrees) -> Sharp | None:
             if x in k.free:
                 return Sharp(node, node, u, None, power=True)
             tame = conjunction(positive(add(ONE, k)), negation(positive(sub(k, const(LARGE_POWER)))))
-            return None if tame is TRUE else Sharp(node, where(tame, ONE, node), u, k, power=True)
+            size = call("pow", call("magnitude", u), k)  # beside a break u may be on the side where the power is no part of the integrand
+            return None if tame is TRUE else Sharp(node, where(tame, ONE, size), u, k, power=True)
         case "sin" | "cos":
             return None if degrees.of(u, x) is not None else Sharp(node, ONE, u, None, wave=True)
         case _:

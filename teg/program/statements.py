@@ -82,7 +82,8 @@ class Guard:
 
         a box (left, right) *matters* if one of the tested values does not have
             size·(right - left) <= max(tol·(A₀ + floor), ROUNDING·A), or size = 0 if right - left is not finite
-        s is *unseen* in it, S being the value of s at nodes, if  upper > UNSEEN·max(S, FAINT)  or  upper > HIDDEN·max(lower, FAINT)
+        s is *unseen* in it, S being the value of s at nodes, if  upper > UNSEEN·max(S, FAINT)  or  upper > HIDDEN·max(lower, FAINT),
+            and not change·(right - left) <= the least of these errors: what a tested |value| changes by while s is below `upper`
 
     nothing is hidden if the whole interval does not matter, or no s is unseen in it, S being the least at its nodes (of all that are
     numbers); or if in none of the gaps between neighbouring nodes, and between ends and nodes, that matter, an s is unseen, S being the
@@ -98,7 +99,13 @@ class Guard:
     sizes: Annotated[tuple[Arg, ...], Operand(at="block", each=True)]
     upper: Annotated[tuple[Arg, ...], Operand(at="block")]
     lower: Annotated[tuple[Arg, ...], Operand(at="block")]
+    change: Annotated[tuple[Arg, ...], Operand(at="block")]
     seen: Annotated[tuple[Arg, ...], Operand(at="body")]
+
+    @property
+    def bounds(self) -> tuple[Arg, ...]:
+        """What the block computes."""
+        return (*self.sizes, *self.upper, *self.lower, *self.change)
 
 
 @dataclass(frozen=True, slots=True)

@@ -272,7 +272,7 @@ class _Flat(_Verifier):
         self.check(not stmt.infinite or isinstance(stmt.rule, Adaptive), "infinite bounds need an adaptive rule", stmt)
         self.check(len(stmt.ends) in (0, 2), f"a piece has two ends, not {len(stmt.ends)}", stmt)
         if stmt.guard is not None:
-            sharp = {len(stmt.guard.upper), len(stmt.guard.lower), len(stmt.guard.seen)}
+            sharp = {len(bounds) for bounds in (stmt.guard.upper, stmt.guard.lower, stmt.guard.change, stmt.guard.seen)}
             self.check(isinstance(stmt.rule, Adaptive), "a guard needs an adaptive rule", stmt)
             self.check(len(sharp) == 1, "sharp values without a bound or a value", stmt)
             self.check(len(stmt.guard.sizes) >= stmt.tested, f"{len(stmt.guard.sizes)} sizes of {stmt.tested} tested values", stmt)

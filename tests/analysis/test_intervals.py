@@ -56,6 +56,8 @@ FUNCTIONS: dict[str, Expr] = {
     "where": teg.where((X < T) | (X > 2 * T) & ~(X < 1), X, -X),
     "power": (X + 4) ** 1.7,
     "exponent": teg.exp(teg.log(X + 4) * T),
+    "power by its logarithm": 2 * (X + 4) ** 3 * teg.log(X + 4),
+    "unknown power by its logarithm": call("pow", X + 4, T) * teg.log(X + 4) * X,
     "floor": teg.floor(2 * X),
     "mod": teg.mod(X, 0.7),
     "free": T * T,
@@ -116,6 +118,20 @@ def test_what_is_defined_partly_is_bounded_there() -> None:
     assert bounds_at(teg.sqrt(X), -1.0, 4.0, 0) == (0.0, 2.0)
     lo, hi = bounds_at(teg.log(X), -1.0, 1.0, 0)
     assert (lo, hi) == (-math.inf, 0.0)
+
+
+@pytest.mark.parametrize("power", [X**3, X**2.5, call("pow", X, T)])
+def test_a_power_by_its_logarithm_is_bounded_together(power: Expr) -> None:
+    """x^k·log x falls from 0 to -1/(e·k), and rises; the logarithm by itself has no bound beside 0."""
+    k = {"x³": 3.0}.get(str(power), 2.5)
+    e = power * teg.log(X)
+    assert bounds_at(e, -0.5, 0.9, 2.5) == pytest.approx((-1 / (math.e * k), 0.0))
+    assert bounds_at(e, 0.0, 0.01, 2.5) == pytest.approx((0.01**k * math.log(0.01), 0.0))
+    assert bounds_at(e, 0.8, 2.0, 2.5) == pytest.approx((0.8**k * math.log(0.8), 2.0**k * math.log(2.0)))
+
+
+def test_a_negative_power_by_its_logarithm_has_none() -> None:
+    assert bounds_at(call("pow", X, T) * teg.log(X), 0.0, 0.5, -1.0)[0] == -math.inf
 
 
 def test_a_pole_inside_gives_everything() -> None:

@@ -91,3 +91,67 @@ def test_highlight_from_aside() -> None:
     assert gradient["a"] == pytest.approx(value / 0.64, rel=1e-8)
     near, far = ((f(a=0.64, s=0.4 + h) - f(a=0.64, s=0.4 - h)) / (2.0 * h) for h in (5e-3, 1e-2))
     assert gradient["s"] == pytest.approx((4.0 * near - far) / 3.0, rel=1e-6)
+
+
+# -- sharp highlights on a sphere ----------------------------------------------------------------------------------------
+
+
+def highlight(exponent: float, light: tuple[complex, complex], radius: complex) -> complex:
+    """∫∫ max(0, n·l)^exponent over the disk below a sphere with normals n: in spherical coordinates around the third axis, where the
+    disk's element is r²·sin θ·cos θ dθ dφ; n·l > 0 up to an angle φ that is known."""
+    nodes, weights = np.polynomial.legendre.leggauss(120)
+    across, along = light
+    total = 0j
+    horizon = math.atan2(along.real, across.real)  # below it every φ is lit
+    for low, high in ((0.0, horizon), (horizon, 0.5 * math.pi)):
+        theta = 0.5 * (high - low) * (nodes + 1.0) + low
+        steps = 0.5 * (high - low) * weights
+        for angle, step in zip(theta, steps, strict=True):
+            limit = np.pi + 0j if low == 0.0 else np.arccos(-along / (across * np.tan(angle)) + 0j)
+            phi = 0.5 * limit * (nodes + 1.0)
+            lit = across * math.sin(angle) * np.cos(phi) + along * math.cos(angle)
+            total += step * math.sin(angle) * math.cos(angle) * limit * np.sum(weights * np.exp(exponent * np.log(lit)))
+    return complex(total * radius**2)
+
+
+def lit_sphere(exponent: teg.Expr | float, constant: float = 0.0) -> teg.Expr:
+    height = teg.sqrt(a * a - x * x - y * y)
+    shine = teg.maximum(0, (s * x + 0.9 * height) / a) ** exponent
+    return teg.integral(teg.where(x * x + y * y < a * a, constant + shine, 0), (x, -1, 1), (y, -1, 1))
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("exponent", [17, 17.5, 20, 60, 1000])
+def test_a_sharp_highlight(exponent: float, backend: str) -> None:
+    """No narrow feature hides where a power is small; at its zero natural bounds of it never come near it."""
+    f = teg.compile(lit_sphere(t), [], backend=backend)
+    expected = highlight(exponent, (0.4, 0.9), 0.8).real
+    assert f(a=0.8, s=0.4, t=exponent) == pytest.approx(expected, rel=1e-9, abs=1e-13)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_sharp_highlight_beside_a_constant(backend: str) -> None:
+    f = teg.compile(lit_sphere(t, 0.3), [], backend=backend)
+    expected = 0.3 * math.pi * 0.64 + highlight(20, (0.4, 0.9), 0.8).real
+    assert f(a=0.8, s=0.4, t=20) == pytest.approx(expected, rel=1e-10)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_the_derivative_of_a_sharp_highlight_by_its_exponent(backend: str) -> None:
+    f = teg.compile(lit_sphere(t), [t], backend=backend)
+    larger, smaller = (highlight(20 + d, (0.4, 0.9), 0.8).real for d in (1e-4, -1e-4))
+    assert f.grad(a=0.8, s=0.4, t=20)["t"] == pytest.approx((larger - smaller) / 2e-4, rel=1e-6)
+
+
+def test_the_derivative_of_a_sharp_highlight_by_its_light() -> None:
+    h = 1e-20
+    f = teg.compile(lit_sphere(t), [s], backend="c")
+    assert f.grad(a=0.8, s=0.4, t=20)["s"] == pytest.approx(highlight(20, (0.4 + 1j * h, 0.9), 0.8).imag / h, rel=1e-9)
+
+
+def test_a_sharp_highlight_whose_exponent_is_a_number() -> None:
+    f = teg.compile(lit_sphere(20), [a], backend="c")
+    value, gradient = f.value_and_grad(a=0.8, s=0.4)
+    expected = highlight(20, (0.4, 0.9), 0.8).real
+    assert value == pytest.approx(expected, rel=1e-10)
+    assert gradient["a"] == pytest.approx(2.0 * expected / 0.8, rel=1e-9)

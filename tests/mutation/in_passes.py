@@ -232,6 +232,26 @@ IN_PASSES: tuple[Mutant, ...] = (
         ("steps that are narrow", 'case "tanh":', 'case "no tanh":'),
     ),
     *mutants(
+        "teg/passes/lower/changes.py",
+        ("tests/passes/lower/test_changes.py", "tests/end_to_end/test_moving_powers.py"),
+        ("the range of what changes inside", "self.boxed), sub(high, low), rate)", "self.boxed), rate)"),
+        ("the rate of a change", 'return reduce(lambda a, b: call("max", a, b), sizes(rates, boxed))', "return const(1.0)"),
+        ("a slope is a size", "if not (isinstance(node, Pow) or (isinstance(node, Call) and node.name in SIZES)):", "if False:"),
+        ("a power beside its logarithm", "n.children[0] is base for n", "n.children[0] is node for n"),
+    ),
+    *mutants(
+        "teg/analysis/beside.py",
+        ("tests/analysis/test_beside.py",),
+        ("the side of a condition", "TRUE if known[n.g] * side > 0.0 else FALSE", "TRUE if side > 0.0 else FALSE"),
+        ("what is 0 on a surface", "return ZERO if n in null else None", "return None"),
+    ),
+    *mutants(
+        "teg/analysis/intervals.py",
+        ("tests/analysis/test_intervals.py",),
+        ("a power by its logarithm", "where(turns, div(const(-1.0 / math.e), k), _least(*ends))", "_least(*ends)"),
+        ("a negative power by a logarithm", "known = conjunction(positive(k), positive(u[1]))", "known = positive(u[1])"),
+    ),
+    *mutants(
         "teg/analysis/endless.py",
         (GUARDED, "tests/end_to_end/test_infinite_ranges.py"),
         (

@@ -397,7 +397,11 @@ MUTANTS: tuple[Mutant, ...] = (
     *mutants(
         "teg/passes/lower/guarded.py",
         ("tests/end_to_end/test_infinite_ranges.py",),
-        ("a break outside", "*(_within(b, inner) for b in breaks)", "*breaks"),
+        (
+            "a break outside",
+            "place = _within(point.then if isinstance(point, Where) else point, inner)",
+            "place = point.then if isinstance(point, Where) else point",
+        ),
     ),
     *mutants(
         "teg/ir/simplify.py",

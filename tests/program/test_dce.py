@@ -58,7 +58,7 @@ def test_a_value_stays_whose_estimate_is_used() -> None:
 
 def test_a_guard_keeps_the_sizes_of_what_is_kept() -> None:
     block = (let("v11", "abs", "x1"), let("v12", "abs", "x2"), let("v13", "exp", "x1"), let("v14", "neg", "x1"))
-    guard = Guard("x1", "x2", (*block, let("v15", "neg", "v13")), ("v11", "v12"), ("v13",), (0.0,), ("v3",))
+    guard = Guard("x1", "x2", (*block, let("v15", "neg", "v13")), ("v11", "v12"), ("v13",), (0.0,), ("v13",), ("v3",))
     (kept,) = cleaned(replace(INTEGRAL, guard=guard), "v7", "v10")
     assert isinstance(kept, Integrate)
     assert kept.guard == replace(guard, block=(block[1], block[2]), sizes=("v12",))

@@ -56,7 +56,7 @@ POLYGON = Polygon(("x0", "x1"), 1.0, 1.0, PLANES, (), (), ("x0",), ("p0",), ("v1
 SEGMENT = Segment("x0", (HalfLine("p0", 1.0, False, 0, "b0", 1.0, 1.0),), (), (), (), ("x0",), (1.0,), ("v1",), 2)
 MOMENTS = Hyperbola((1.0, "p0", 1.0, 2.0), (), (1.0,) * 4, (0,) * 4, (Moments("border", ((0, 1, "p0"),)),), ("v1",))
 BRANCH = When("b0", (let("v1", "exp", "p0"), let("b1", "lt0", "v1")), ("v1",))
-GUARD = Guard("x4", "x5", (let("v3", "abs", "x4"),), ("v3",), ("x5",), ("x4",), ("v1",))
+GUARD = Guard("x4", "x5", (let("v3", "abs", "x4"),), ("v3",), ("x5",), ("x4",), ("v3",), ("v1",))
 
 WELL_FORMED = (
     program(let("v0", "add", "p0", 1.0, "p1"), outputs=("v0", 2.0)),

@@ -99,6 +99,18 @@ static inline int teg_settled(int n, const double *sums)
     return 1;
 }
 
+//: teg_tolerated
+/* The least error that does not matter. */
+static inline double teg_tolerated(int n, const double *sums, const double *above, double tol, double floor)
+{
+    double least = INFINITY;
+    for (int j = 0; j < n; j++) {
+        const double rounding = TEG_ROUNDING * sums[8 * j + 7], wanted = tol * (above[j] + floor);
+        if (!(least <= wanted || least <= rounding)) least = wanted > rounding ? wanted : rounding;
+    }
+    return least;
+}
+
 //: teg_matters
 /* Whether a box of this length may hold more of a value than its error may be. */
 static inline int teg_matters(int n, const double *sizes, double length, const double *sums, const double *above, double tol, double floor)
@@ -113,16 +125,17 @@ static inline int teg_matters(int n, const double *sizes, double length, const d
 
 //: teg_unseen
 /* Whether one of n sharp values can be large in a gap, or in all of an interval (gap -1), and was not seen to be at the
-   nodes, (nodes, n). Bounds are the n upper ones, then the lower ones; an infinite one counts in gaps that are inside or
-   endless only, lower ones not in a gap that is endless, or outermost after many bisections. */
-static inline int teg_unseen(int n, const double *bounds, const double *seen, int nodes, int gap, int inside, int endless)
+   nodes, (nodes, n). Bounds are the n upper ones, then the lower ones, then what is below the upper ones, of which `most` does
+   not matter; an infinite one counts in gaps that are inside or endless only, lower ones not in a gap that is endless, or
+   outermost after many bisections. */
+static inline int teg_unseen(int n, const double *bounds, double most, const double *seen, int nodes, int gap, int inside, int endless)
 {
     for (int i = 0; i < n; i++) {
         const double upper = bounds[i], lower = bounds[n + i];
         double s = NAN;
         if (gap < 0) for (int k = 0; k < nodes; k++) s = seen[n * k + i] < s || isnan(s) ? seen[n * k + i] : s;
         else s = fmax(gap > 0 ? seen[n * (gap - 1) + i] : NAN, gap < nodes ? seen[n * gap + i] : NAN);
-        if (gap >= 0 && !inside && isinf(upper)) continue;
+        if ((gap >= 0 && !inside && isinf(upper)) || bounds[2 * n + i] <= most) continue;
         if (upper > TEG_UNSEEN * fmax(s, TEG_FAINT)) return 1;
         if (upper > TEG_HIDDEN * fmax(lower, TEG_FAINT) && !(gap >= 0 && endless)) return 1;
     }

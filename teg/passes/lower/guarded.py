@@ -9,11 +9,13 @@ breaks, the sharp value is one of the outer variable alone: a ridge that leaves 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import cast
 
+from teg.analysis.beside import beside
 from teg.analysis.breaks import BreakAnalysis
 from teg.analysis.endless import bound_to_infinity
 from teg.analysis.intervals import Enclosure, Interval
@@ -25,9 +27,10 @@ from teg.analysis.tails import is_unbounded
 from teg.ir.expr import ZERO, Compare, Expr, Pow, Var, Where, const, is_infinite
 from teg.ir.integral import Integral, outermost_integrals
 from teg.ir.node import Node, postorder
-from teg.ir.simplify import call, mul, positive, sub, where
+from teg.ir.simplify import add, call, mul, positive, sub, where
 from teg.ir.traverse import fresh, rewrite, substitute
 from teg.numerics.quadrature import gauss_legendre
+from teg.passes.lower.changes import Changes
 from teg.passes.lower.emit import Emitter
 from teg.passes.lower.levels import Level
 from teg.program import Adaptive, Arg, Guard
@@ -36,6 +39,7 @@ CUBIC_RATE = 1.5
 """The factor by which a cubic's place may move faster than on a straight line."""
 WIDE_GAP = 0.4
 """The largest fraction of a piece in one gap, for rules that are not known yet."""
+_INFINITY = const(math.inf)
 MAX_FACES = 16
 """The largest number of ends and breaks of an inner range at which a sharp value is looked at."""
 
@@ -59,12 +63,13 @@ class Peak:
 
 @dataclass(frozen=True)
 class Bounded:
-    """A sharp value: its value at a node, and its bounds over the box of the guard; another upper bound of a box that reaches to infinity,
-    NaN where it is not known."""
+    """A sharp value: its value at a node, its bounds over the box of the guard, and a bound of what an integrand changes by where it is
+    below the upper one; another upper bound of a box that reaches to infinity, NaN where it is not known."""
 
     seen: Arg
     upper: Expr
     lower: Expr
+    change: Expr
     endless: Expr | None = None
 
 
@@ -86,22 +91,23 @@ class Guards:
         left, right = fresh(x.name + "₋", taken), fresh(x.name + "₊", taken)
         boxed = Enclosure({x: (left, right)})
         inside = self._inside(bodies, x, gap)
-        known = [*known, *self.not_tame([s for peak in inside for s in self._faces(peak, x)], x, gap)]
+        faces = self._steep_faces(inside, x, gap)
+        own, known = set(known), [*known, *faces]
         on_piece = _OnPiece(self.out, [*bodies, *(s.value for s in known), *(s.argument for s in known)], x, level)
-        found = []
+        changes = Changes([on_piece.of(b) for b in bodies], boxed)
+        found: list[Bounded] = []
         for sharp in known:
             settled = replace(sharp, value=on_piece.of(sharp.value), argument=on_piece.of(sharp.argument))
             if (b := bounds(settled, boxed)) is not None:
                 endless = bound_to_infinity(settled.value, b[1], x, boxed.box) if is_unbounded(group[0]) else None
-                found.append(Bounded(self.out.number(sharp.value, level), *b, endless))
+                owners = [changes.of(on_piece.of(sharp.node), b[0])] if sharp in own else []
+                owners += [self._change(changes, on_piece, peak, b[0]) for peak in faces.get(sharp, ())]
+                found.append(Bounded(self.out.number(sharp.value, level), *b, add(*owners), endless))
         for peak in inside:
-            sharp = cast(Sharp, sharp_value(peak.node, x, self.degrees, 2))
-            slices = [_around(peak, {x: ends}) for ends in ((left, right), (x, x))]
-            known_bounds = [bounds(sharp, Enclosure(box)) for box in slices if box is not None]
-            if len(known_bounds) == 2 and all(known_bounds):
-                # an inner singularity is not searched for
-                upper, seen = (where(positive(sub(const(LARGEST), b[0])), b[0], ZERO) for b in known_bounds if b is not None)
-                found.append(Bounded(self.out.number(seen, level), upper, upper))
+            if (known_bounds := self._bounds_inside(peak, x, boxed)) is not None:
+                upper, seen = known_bounds
+                change = self._change(changes, on_piece, peak, upper)
+                found.append(Bounded(self.out.number(seen, level), upper, upper, change))
         if not found:
             return None
         names = self.out.fresh("x"), self.out.fresh("x")
@@ -111,8 +117,26 @@ class Guards:
         extents = tuple(self.out.number(e, at_both) for e in sizes([on_piece.of(b) for b in bodies], boxed))
         upper_names = tuple(self._least(b, at_both) for b in found)
         lower_names = tuple(self.out.number(b.lower, at_both) for b in found)
+        change_names = tuple(self.out.number(b.change, at_both) for b in found)
         block = tuple(s for at in (*levels[1:], at_left, at_both) for s in at.block)
-        return Guard(*names, block, extents, upper_names, lower_names, tuple(b.seen for b in found))
+        return Guard(*names, block, extents, upper_names, lower_names, change_names, tuple(b.seen for b in found))
+
+    def _bounds_inside(self, peak: Peak, x: Var, boxed: Enclosure) -> tuple[Expr, Expr] | None:
+        """Returns the bound of a peak over a box and over the slice at a node; None if they are not known. An inner singularity is not
+        searched for: its bound is 0."""
+        sharp = cast(Sharp, sharp_value(peak.node, x, self.degrees, 2))
+        slices = [_around(peak, box) for box in (boxed.box, {x: (x, x)})]
+        known = [b[0] for box in slices if box is not None and (b := bounds(sharp, Enclosure(box))) is not None]
+        if len(known) < 2:
+            return None
+        upper, seen = (where(positive(sub(const(LARGEST), b)), b, ZERO) for b in known)
+        return upper, seen
+
+    def _change(self, changes: Changes, on_piece: _OnPiece, peak: Peak, upper: Expr) -> Expr:
+        """Returns a bound of what the integrands change by where a peak is below an upper bound; infinite for one in several integrals."""
+        if len(peak.path) != 1:
+            return _INFINITY
+        return changes.of(on_piece.of(peak.node), upper, cast(Integral, on_piece.of(peak.path[0])))
 
     def _least(self, found: Bounded, level: Level) -> Arg:
         """Returns the name of the least upper bound."""
@@ -168,6 +192,14 @@ class Guards:
             found += [peak for (peak, _), known in zip(entries, tame, strict=True) if not known]
         return found
 
+    def _steep_faces(self, peaks: Sequence[Peak], x: Var, gap: float | None) -> dict[Sharp, list[Peak]]:
+        """Returns the values of peaks at the ends and the breaks of inner ranges that may change much between neighbouring nodes in x."""
+        found: dict[Sharp, list[Peak]] = {}
+        for peak in peaks:
+            for sharp in dict.fromkeys(self._faces(peak, x)):
+                found.setdefault(sharp, []).append(peak)
+        return {sharp: found[sharp] for sharp in self.not_tame(list(found), x, gap)}
+
     def _faces(self, peak: Peak, x: Var) -> Iterator[Sharp]:
         """Yields a sharp value at both ends of the range of the only integral around it, and at its breaks with a formula that are no poles
         of it."""
@@ -175,11 +207,15 @@ class Guards:
             return
         (inner,) = peak.path
         known = self.analysis.of(inner)
-        breaks = [] if _has_pole_on(peak.node, inner.var, known.handled) else [b.then if isinstance(b, Where) else b for b in known.points]
-        for end in [inner.lo, inner.hi, *(_within(b, inner) for b in breaks)][:MAX_FACES]:
-            if not is_infinite(end):
-                node = cast(Expr, substitute(peak.node, {inner.var: end}))
-                sharp = sharp_value(node, x, self.degrees, 2) if x in node.free else None
+        surfaces = () if _has_pole_on(peak.node, inner.var, known.handled) else known.points.items()
+        faces = [(end, peak.node) for end in (inner.lo, inner.hi)]
+        for point, g in surfaces:
+            place = _within(point.then if isinstance(point, Where) else point, inner)
+            faces += [(place, node) for node in beside(peak.node, inner.var, g)]
+        for place, node in faces[:MAX_FACES]:
+            if not is_infinite(place):
+                at_place = cast(Expr, substitute(node, {inner.var: place}))
+                sharp = sharp_value(at_place, x, self.degrees, 2) if x in at_place.free else None
                 if sharp is not None and not sharp.wave:
                     yield sharp
 

@@ -266,7 +266,7 @@ class _Piece:
         points = [_place(way, u) for u in at]
 
         def unseen(left: float, right: float, largest_seen: list[float], endless_counts: bool, gap: bool, last: bool = False) -> bool:
-            bounds = self.machine.at(guard.block, (*guard.sizes, *guard.upper, *guard.lower), **{guard.left: left, guard.right: right})
+            bounds = self.machine.at(guard.block, guard.bounds, **{guard.left: left, guard.right: right})
             length, first = right - left, len(guard.sizes)
             endless = not math.isfinite(length)
             if all(s == 0.0 if endless else s * length <= w for s, w in zip(bounds, wanted, strict=False)):
@@ -275,6 +275,7 @@ class _Piece:
                 upper, lower = bounds[first + i], bounds[first + len(sharp) + i]
                 large = upper > UNSEEN * _larger(largest_seen[i], FAINT)
                 large |= upper > HIDDEN * _larger(lower, FAINT) and not (gap and endless) and not last
+                large &= not all(bounds[first + 2 * len(sharp) + i] * length <= w for w in wanted)
                 if large and (endless_counts or upper != math.inf):
                     return True
             return False
