@@ -5,22 +5,27 @@
     1/u, √u, log u …         u quadratic in x      v, and the distance |u(v)/(½u″)|^½ of the complex roots
 
 Two narrow centres of an inner integral are seen from outside: where they meet, as functions of an outer variable, or where one meets a
-finite bound of an infinite inner range, the outer integrand has a centre. So ∫ dy ∫ f(x - t)·g(y - x) dx has the centre y = t. Polynomials
-in front of functions, sines and cosines have no centres. Linear in the size of the integrand, but for pairs of at most MAX_CENTRES.
+finite bound of an infinite inner range, the outer integrand has a centre. So ∫ dy ∫ f(x - t)·g(y - x) dx has the centre y = t. Where a
+Gaussian or a pole meets a bound or a surface of its range that moves, the outer integrand rises from nothing to all of it:
+∫ dy ∫ e^(-(x/s)²)·[x < y - t] dx has the centre y = t too. Polynomials in front of functions, sines and cosines have no centres. Linear in
+the size of the integrand, but for pairs of at most MAX_CENTRES.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import combinations
 from typing import cast
 
 from teg.analysis.calculus import slope
 from teg.analysis.polynomial import Degrees
-from teg.analysis.surfaces import binders_inside
+from teg.analysis.roots import Root, quadratic_roots
+from teg.analysis.surfaces import atoms_of, binders_inside
 from teg.analysis.tails import infinite_ends, is_unbounded
+from teg.errors import NotDifferentiableError
 from teg.ir.expr import MINUS_ONE, ONE, ZERO, Call, Compare, Const, Expr, Pow, Var, const
 from teg.ir.function import Apply
 from teg.ir.integral import Integral, outermost_integrals
@@ -40,11 +45,13 @@ _EXPONENTIAL = frozenset(("exp", "expm1", "cosh", "sinh", "tanh", "erf", "erfc")
 
 @dataclass(frozen=True)
 class Centre:
-    """A place, the length on which the integrand changes around it, and whether there are poles at this distance from it."""
+    """A place, the length on which the integrand changes around it, whether there are poles at this distance from it, and whether it is a
+    Gaussian, or its integral up to this place."""
 
     place: Expr
     width: Expr
     pole: bool = False
+    bell: bool = False
 
 
 class Centres:
@@ -69,25 +76,32 @@ class Centres:
             x, outside = node.var, binders_inside(node.body)
             found: dict[object, Centre] = {}
             for inner in outermost_integrals([node.body], x):
-                for first, second in self._pairs(inner):
-                    apart = sub(first.place, second.place)
-                    widths = first.width.free | second.width.free
-                    if not (apart.free | widths) & outside and x not in widths and self.degrees.of(apart, x) == 1:
-                        rate = call("magnitude", self._at_0(slope(apart, x), x))
-                        width = div(add(first.width, second.width), rate)
-                        found.setdefault(self.key(apart), Centre(self._root(apart, x), width))
+                for apart, width, bell in self._meetings(inner):
+                    if (apart.free | width.free) & outside or self.degrees.of(apart, x) not in (1, 2):
+                        continue
+                    for root in quadratic_roots(apart, x) if self.degrees.of(apart, x) == 2 else (Root(self._root(apart, x)),):
+                        at = {x: root.point}
+                        rate = call("magnitude", cast(Expr, substitute(slope(apart, x), at)))
+                        centre = Centre(root.point, div(cast(Expr, substitute(width, at)), rate), bell=bell)
+                        found.setdefault((self.key(apart), root.point), centre)
             self._met[node] = tuple(found.values())[:MAX_CENTRES]
         return self._met[node]
 
-    def _pairs(self, inner: Integral) -> Iterator[tuple[Centre, Centre]]:
-        """Yields the pairs of places of an integral of which one at least is a centre. On a finite range a centre counts that may be
-        narrow."""
+    def _meetings(self, inner: Integral) -> Iterator[tuple[Expr, Expr, bool]]:
+        """Yields functions that are 0 where a centre of an integral meets something, by how much they change within its width, and whether
+        the integral changes as that of a Gaussian. On a finite range a centre counts that may be narrow."""
+        z = inner.var
         centres = [c for c in self.of(inner) if not _is_wide(c, inner)]
-        yield from combinations(centres, 2)
-        if not is_unbounded(inner):
-            return
-        bounds = [b for b, end in zip((inner.lo, inner.hi), infinite_ends(inner), strict=True) if not end]
-        yield from ((c, Centre(b, ZERO)) for c in centres for b in bounds)
+        for first, second in combinations(centres, 2):
+            yield sub(first.place, second.place), add(first.width, second.width), False
+        for bound, end in zip((inner.lo, inner.hi), infinite_ends(inner), strict=True):
+            meeting = [c for c in centres if not end and (c.bell or c.pole or is_unbounded(inner))]
+            yield from ((sub(c.place, bound), c.width, c.bell) for c in meeting)
+        for atom in dict.fromkeys(atoms_of(inner.body, z)):
+            for c in [c for c in centres if c.bell or c.pole]:
+                with suppress(NotDifferentiableError):
+                    value, rate = (cast(Expr, substitute(e, {z: c.place})) for e in (atom.g, slope(atom.g, z)))
+                    yield value, mul(c.width, call("magnitude", rate)), c.bell
 
     def _arguments(self, node: Integral) -> Iterator[tuple[Expr, str]]:
         """Yields the largest linear and quadratic arguments of functions in an integrand, and what stands around each."""
@@ -113,7 +127,7 @@ class Centres:
         curvature = self._at_0(slope(rate, x), x)
         middle = self._root(rate, x)
         if around == "exponential":
-            return Centre(middle, div(ONE, call("root", curvature)))
+            return Centre(middle, div(ONE, call("root", curvature)), bell=True)
         lowest = cast(Expr, substitute(u, {x: middle}))
         return Centre(middle, call("root", div(mul(const(2.0), lowest), curvature)), around == "pole")
 

@@ -321,6 +321,20 @@ IN_PASSES: tuple[Mutant, ...] = (
         ),
     ),
     Mutant(
+        "densities that a surface divides",
+        "teg/analysis/centres.py",
+        "for atom in dict.fromkeys(atoms_of(inner.body, z)):",
+        "for atom in []:",
+        ("tests/passes/lower/test_gaussian.py",),
+    ),
+    Mutant(
+        "derivatives of a density as one term",
+        "teg/passes/lower/gaussian.py",
+        "if _divisors(peak) <= divisors:",
+        "if False:",
+        ("tests/passes/lower/test_gaussian.py",),
+    ),
+    Mutant(
         "discriminants of squares",
         "teg/analysis/roots.py",
         "return plain if by_squares is None or",

@@ -148,12 +148,17 @@ class Pieces:
         return tuple(places) if known else (0.0,)
 
     def _narrow_centres(self, group: Sequence[Integral], home: Level) -> tuple[Arg, ...]:
-        """Returns the places where centres of inner integrals meet, those of less than NARROW of a finite range."""
-        node, out = group[0], self.out
+        """Returns the places where centres of inner integrals meet, those of less than NARROW of a finite range, and the ends of integrals
+        of Gaussians."""
         places: list[Arg] = []
+        ends: list[Arg] = []
         for centre in dict.fromkeys(c for i in group for c in self.centres.met(i)):
-            places.append(out.number(where(self._is_narrow(centre, node), centre.place, const(math.nan)), home))
-        return (*places, *self._between(places, home))
+            width, narrow = mul(const(PEAK), centre.width), self._is_narrow(centre, group[0])
+            around = [centre.place, *([sub(centre.place, width), add(centre.place, width)] if centre.bell else [])]
+            middle, *others = (self.out.number(where(narrow, place, const(math.nan)), home) for place in around)
+            (ends if centre.bell else places).append(middle)
+            ends += others
+        return (*places, *ends, *self._between(places, home))
 
     @staticmethod
     def _is_narrow(centre: Centre, node: Integral) -> Cond:
@@ -229,7 +234,7 @@ class Pieces:
             holds = self.out.truths(turn.when, cast(Level, level.middle))[0]
             if holds is not False or operand is not None:
                 bends.append(Bend(turn.kind, cast("tuple[Arg, Arg, Arg]", numbers), holds))
-        met = [c for i in group for c in self.centres.met(i)] if isinstance(rule, Adaptive) else []
+        met = [c for i in group for c in self.centres.met(i) if not c.bell or is_unbounded(i)] if isinstance(rule, Adaptive) else []
         for centre in list(dict.fromkeys(met))[: MAX_BENDS - len(bends)]:  # as narrow as if there were poles beside it
             counts = is_unbounded(group[0]) or self.out.truths(self._is_narrow(centre, group[0]), home)[0]
             for side in (sub(centre.place, centre.width), add(centre.place, centre.width)):
