@@ -7,8 +7,8 @@
     mean = (C·I₀ + Σₖ P⁽ᵏ⁾(μ)/(k!·wᵏ)·Jₖ)/(β - α),   C = Σⱼ P⁽²ʲ⁾(μ)/(j!·(4w²)ʲ)
 
 With erfcx(x) = exp(x²)·erfc(x) nothing overflows that the integrand does not, and tails keep their digits. A piece on which the exponent
-changes little is left to Gauss nodes: there the differences would cancel. Where μ is known as an expression, C is simplified: it vanishes
-for derivatives by the place and the width of a density, which are 0 over all of it. Source: Abramowitz and Stegun 1964, 7.1 and 7.4.
+changes little is left to Gauss nodes: there the differences would cancel. C is simplified, and left out where it is 0: derivatives by the
+place and the width of a density are 0 over all of it. Source: Abramowitz and Stegun 1964, 7.1 and 7.4.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from collections.abc import Sequence
 from typing import cast
 
 from teg.analysis.calculus import slope
+from teg.analysis.polynomial import is_null
 from teg.analysis.roots import tidy
 from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Call, Const, Expr, Mul, Pow, Var, const
 from teg.ir.node import Node, postorder
@@ -121,15 +122,23 @@ class Gaussian:
         bend = mul(const(2.0), self.least)
         factors = [const(1.0 / (2.0**j * math.factorial(j))) for j in range(degree // 2 + 1)]
         peak = tidy(div(self.at(self.slope, ZERO), bend))
-        divisors = _divisors(self.exponent) | _divisors(polynomial)
-        if _divisors(peak) <= divisors:
-            values = [tidy(self.at(e, peak)) for e in derivatives]
-            whole = tidy(add(*(mul(c, v, integer_power(bend, -j)) for j, (c, v) in enumerate(zip(factors, values[::2], strict=True)))))
-            if _divisors(whole) <= divisors:
-                return values, whole
-        values = [self.at(e, self.peak_from(p)) for e in derivatives]
-        scale = mul(const(2.0), self.curvature)
-        return values, add(*(mul(c, v, integer_power(scale, -j)) for j, (c, v) in enumerate(zip(factors, values[::2], strict=True))))
+        values = [tidy(self.at(e, peak)) for e in derivatives]
+        whole = tidy(_over_all(factors, values, bend))
+        divisors = _divisors(self.exponent) | _divisors(polynomial) | {bend}
+        if is_null(whole):
+            whole = ZERO
+        elif not _divisors(whole) <= divisors:
+            at_peak = [self.at(e, self.peak_from(p)) for e in derivatives]
+            whole = _over_all(factors, at_peak, mul(const(2.0), self.curvature))
+        if not all(_divisors(v) <= divisors for v in values):
+            values = [self.at(e, self.peak_from(p)) for e in derivatives]
+        return values, whole
+
+
+def _over_all(factors: Sequence[Expr], derivatives: Sequence[Expr], bend: Expr) -> Expr:
+    """Returns the mean of a polynomial over all of a Gaussian, from its derivatives at the peak."""
+    terms = enumerate(zip(factors, derivatives[::2], strict=True))
+    return add(*(mul(c, v, integer_power(bend, -j)) for j, (c, v) in terms))
 
 
 def _divisors(e: Expr) -> set[Node]:

@@ -134,7 +134,7 @@ class Pieces:
         known: list[Arg] = [out.number(b, home) for b, end in zip((node.lo, node.hi), infinite_ends(node), strict=True) if not end]
         places: list[Arg] = []
         for centre in dict.fromkeys(c for i in group for c in self.centres.of(i)):
-            place, width = out.number(centre.place, home), out.number(centre.width, home)
+            place, width = self._finite(centre.place, home), out.number(centre.width, home)
             if not known:
                 place = out.assign(home, "select", out.assign(home, "ok", place), place, 0.0)
             near = out.assign(home, "mul", NEAR, width)
@@ -155,10 +155,17 @@ class Pieces:
         for centre in dict.fromkeys(c for i in group for c in self.centres.met(i)):
             width, narrow = mul(const(PEAK), centre.width), self._is_narrow(centre, group[0])
             around = [centre.place, *([sub(centre.place, width), add(centre.place, width)] if centre.bell else [])]
-            middle, *others = (self.out.number(where(narrow, place, const(math.nan)), home) for place in around)
+            middle, *others = (self._finite(where(narrow, place, const(math.nan)), home) for place in around)
             (ends if centre.bell else places).append(middle)
             ends += others
         return (*places, *ends, *self._between(places, home))
+
+    def _finite(self, place: Expr, home: Level) -> Arg:
+        """Returns a place, NaN where it is infinite: surfaces that are level in a variable have a centre nowhere."""
+        at = self.out.number(place, home)
+        if not isinstance(at, str):
+            return at if math.isfinite(at) else NAN
+        return self.out.assign(home, "select", self.out.assign(home, "ok", self.out.assign(home, "sub", at, at)), at, NAN)
 
     @staticmethod
     def _is_narrow(centre: Centre, node: Integral) -> Cond:
@@ -238,7 +245,7 @@ class Pieces:
         for centre in list(dict.fromkeys(met))[: MAX_BENDS - len(bends)]:  # as narrow as if there were poles beside it
             counts = is_unbounded(group[0]) or self.out.truths(self._is_narrow(centre, group[0]), home)[0]
             for side in (sub(centre.place, centre.width), add(centre.place, centre.width)):
-                bends.append(Bend("pole", (self.out.number(sub(base, side), home), 1.0, 0.0), counts))
+                bends.append(Bend("pole", (self._finite(sub(base, side), home), 1.0, 0.0), counts))
         return self.out.number(base, home) if bends else 0.0, tuple(bends)
 
     def watched(self, bodies: Sequence[Expr], level: Level) -> tuple[str, ...]:
