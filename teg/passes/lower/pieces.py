@@ -17,7 +17,7 @@ from typing import cast
 
 from teg.analysis.breaks import MAX_BENDS, Breaks
 from teg.analysis.calculus import slope
-from teg.analysis.centres import NARROW, Centre
+from teg.analysis.centres import BELL, Centre
 from teg.analysis.decay import steepest_of_slow
 from teg.analysis.projection import Turn
 from teg.analysis.roots import local_origin
@@ -36,8 +36,6 @@ from teg.passes.lower.roots import Roots
 from teg.passes.lower.rules import Rules
 from teg.program import INFINITE, TIE_EPS, Adaptive, Arg, Bend, Rule
 
-PEAK = 8.5
-"""A Gaussian is 0 to rounding beyond this many standard deviations: exp(-8.5²/2) = 2e-16."""
 RESOLVED = 64 * 2.0**-52
 """A feature that is narrower, relative to its place, is lost in the rounding of places."""
 NEAR = 8.0
@@ -111,7 +109,7 @@ class Pieces:
             return ()
         places: list[Arg] = []
         for rate, curvature in self.features.exponentials(group)[1]:
-            width = div(const(PEAK), call("root", curvature))
+            width = div(const(BELL), call("root", curvature))
             middle = div(mul(MINUS_ONE, rate), curvature)
             narrow: Cond = positive(mul(MINUS_ONE, curvature))
             if not is_unbounded(node):
@@ -148,15 +146,15 @@ class Pieces:
         return tuple(places) if known else (0.0,)
 
     def _narrow_centres(self, group: Sequence[Integral], home: Level) -> tuple[Arg, ...]:
-        """Returns the places where centres of inner integrals meet, those of less than NARROW of a finite range, and the ends of integrals
-        of Gaussians."""
+        """Returns the places where centres of inner integrals meet, those that are narrow, and the ends of integrals
+        of Gaussians and exponentials."""
         places: list[Arg] = []
         ends: list[Arg] = []
         for centre in dict.fromkeys(c for i in group for c in self.centres.met(i)):
-            width, narrow = mul(const(PEAK), centre.width), self._is_narrow(centre, group[0])
-            around = [centre.place, *([sub(centre.place, width), add(centre.place, width)] if centre.bell else [])]
+            width, narrow = mul(const(centre.reach), centre.width), self._is_narrow(centre, group[0])
+            around = [centre.place, *([sub(centre.place, width), add(centre.place, width)] if centre.reach else [])]
             middle, *others = (self._finite(where(narrow, place, const(math.nan)), home) for place in around)
-            (ends if centre.bell else places).append(middle)
+            (ends if centre.reach else places).append(middle)
             ends += others
         return (*places, *ends, *self._between(places, home))
 
@@ -169,8 +167,8 @@ class Pieces:
 
     @staticmethod
     def _is_narrow(centre: Centre, node: Integral) -> Cond:
-        """Returns the condition that a centre is narrower than a part NARROW of a finite range."""
-        return positive(sub(mul(const(NARROW), call("magnitude", sub(node.hi, node.lo))), centre.width))
+        """Returns the condition that a centre is too narrow for the nodes of a finite range."""
+        return positive(sub(mul(const(centre.part), call("magnitude", sub(node.hi, node.lo))), centre.width))
 
     def _between(self, places: Sequence[Arg], home: Level) -> list[Arg]:
         """Returns the middle of each pair of places: a piece has one bend, so it ends at one centre only."""
@@ -188,7 +186,7 @@ class Pieces:
             inside = [positive(mul(const(sign), sub(middle, bound))) for sign, bound, end in bounds if not end]
             found.append(conjunction(positive(mul(MINUS_ONE, curvature)), _is_unresolved(middle, width), *inside))
         if is_unbounded(node):
-            poles = dict.fromkeys(c for i in group for c in self.centres.of(i) if c.pole)
+            poles = dict.fromkeys(c for i in group for c in self.centres.of(i) if c.kind == "pole")
             found += [conjunction(positive(c.width), _is_unresolved(c.place, c.width)) for c in poles]
         flag = out.truths(disjunction(*found), home)[0]
         for number in [c for b in bends if b.when is True for c in b.coefficients if isinstance(c, str)]:
@@ -241,7 +239,7 @@ class Pieces:
             holds = self.out.truths(turn.when, cast(Level, level.middle))[0]
             if holds is not False or operand is not None:
                 bends.append(Bend(turn.kind, cast("tuple[Arg, Arg, Arg]", numbers), holds))
-        met = [c for i in group for c in self.centres.met(i) if not c.bell or is_unbounded(i)] if isinstance(rule, Adaptive) else []
+        met = [c for i in group for c in self.centres.met(i) if not c.reach or is_unbounded(i)] if isinstance(rule, Adaptive) else []
         for centre in list(dict.fromkeys(met))[: MAX_BENDS - len(bends)]:  # as narrow as if there were poles beside it
             counts = is_unbounded(group[0]) or self.out.truths(self._is_narrow(centre, group[0]), home)[0]
             for side in (sub(centre.place, centre.width), add(centre.place, centre.width)):
