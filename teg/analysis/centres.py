@@ -163,8 +163,8 @@ class Centres:
 
 
 def _at(centre: Centre, bounds: Sequence[Expr], surfaces: Sequence[Expr], node: Integral) -> Iterator[tuple[Expr, Expr, str]]:
-    """Yields functions that are 0 where a centre of an integral meets bounds and surfaces, by how much they change within its width, and the
-    kind of the place."""
+    """Yields functions that are 0 where a centre of an integral meets bounds and surfaces, by how much they change within its width, and
+    the kind of the place."""
     kind = {"pole": "", "decay": "edge" if is_unbounded(node) else "decay"}.get(centre.kind, centre.kind)
     for bound in bounds:
         yield sub(centre.place, bound), centre.width, kind

@@ -323,15 +323,29 @@ IN_PASSES: tuple[Mutant, ...] = (
     Mutant(
         "densities that a surface divides",
         "teg/analysis/centres.py",
-        "for atom in dict.fromkeys(atoms_of(inner.body, z)):",
-        "for atom in []:",
+        "surfaces if narrow else ()",
+        "()",
         ("tests/passes/lower/test_gaussian.py",),
     ),
     Mutant(
         "derivatives of a density as one term",
         "teg/passes/lower/gaussian.py",
-        "if _divisors(peak) <= divisors:",
+        "if is_null(whole):",
         "if False:",
+        ("tests/passes/lower/test_gaussian.py",),
+    ),
+    Mutant(
+        "exponentials between edges that meet",
+        "teg/analysis/centres.py",
+        'for edge in edges if c.kind == "decay" else ():',
+        "for edge in ():",
+        ("tests/passes/lower/test_gaussian.py",),
+    ),
+    Mutant(
+        "a bell that is nowhere",
+        "teg/passes/lower/pieces.py",
+        'self.out.assign(home, "ok", self.out.assign(home, "sub", at, at)), at, NAN)',
+        'self.out.assign(home, "ok", at), at, NAN)',
         ("tests/passes/lower/test_gaussian.py",),
     ),
     Mutant(
