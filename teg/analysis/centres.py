@@ -5,22 +5,29 @@
     1/u, √u, log u …         u quadratic in x      v, and the distance |u(v)/(½u″)|^½ of the complex roots
 
 Two narrow centres of an inner integral are seen from outside: where they meet, as functions of an outer variable, or where one meets a
-finite bound of an infinite inner range, the outer integrand has a centre. So ∫ dy ∫ f(x - t)·g(y - x) dx has the centre y = t. Polynomials
-in front of functions, sines and cosines have no centres. Linear in the size of the integrand, but for pairs of at most MAX_CENTRES.
+finite bound of an infinite inner range, the outer integrand has a centre. So ∫ dy ∫ f(x - t)·g(y - x) dx has the centre y = t. Where a
+Gaussian or a pole meets a bound or a surface of its range that moves, the outer integrand rises from nothing to all of it:
+∫ dy ∫ e^(-(x/s)²)·[x < y - t] dx has the centre y = t too. An exponential decays from an edge of its range, a bound or a surface: on a
+finite outer range there is a centre where two edges meet, 0 = y - t in ∫ dy ∫₀ e^(-x/s)·[x < y - t] dx, and where the middle of a step,
+1/(1 + e^(-x/s)), meets an edge. Polynomials in front of functions, sines and cosines have no centres. Linear in the size of the integrand,
+but for pairs of at most MAX_CENTRES.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import combinations
 from typing import cast
 
 from teg.analysis.calculus import slope
 from teg.analysis.polynomial import Degrees
-from teg.analysis.surfaces import binders_inside
+from teg.analysis.roots import Root, quadratic_roots
+from teg.analysis.surfaces import atoms_of, binders_inside
 from teg.analysis.tails import infinite_ends, is_unbounded
+from teg.errors import NotDifferentiableError
 from teg.ir.expr import MINUS_ONE, ONE, ZERO, Call, Compare, Const, Expr, Pow, Var, const
 from teg.ir.function import Apply
 from teg.ir.integral import Integral, outermost_integrals
@@ -30,21 +37,40 @@ from teg.ir.traverse import substitute
 
 MAX_CENTRES = 4
 """The largest number of centres of one integral."""
+MAX_MET = 8
+"""The largest number of places where those of inner integrals meet something."""
 NARROW = 1 / 64
 """The width, as a part of a finite range, from which nodes see a centre anyway."""
+SEEN_AT_AN_EDGE = 2.0**-12
+"""The same for a decay from a break, towards which intervals are halved."""
 STEEP = 16
 """The largest positive power that has no centre by itself: it is a polynomial in front of what decays."""
+BELL = 8.5
+"""A Gaussian is 0 to rounding beyond this many standard deviations: exp(-8.5²/2) = 2e-16."""
+_REACH = {"bell": BELL, "decay": 37.0}  # exp(-37) = 9e-17
 _WAVES = frozenset(("sin", "cos", "floor", "mod"))
 _EXPONENTIAL = frozenset(("exp", "expm1", "cosh", "sinh", "tanh", "erf", "erfc"))
 
 
 @dataclass(frozen=True)
 class Centre:
-    """A place, the length on which the integrand changes around it, and whether there are poles at this distance from it."""
+    """A place, the length on which the integrand changes around it, and its kind: "pole" if there are poles at this distance, "bell" of a
+    Gaussian, or its integral up to this place, "decay" of an exponential, or its integral, "edge" of its integral over an infinite range,
+    else ""."""
 
     place: Expr
     width: Expr
-    pole: bool = False
+    kind: str = ""
+
+    @property
+    def reach(self) -> float:
+        """The number of widths beyond which nothing changes to rounding; 0 if it is not known."""
+        return _REACH.get(self.kind, 0.0)
+
+    @property
+    def part(self) -> float:
+        """The part of a finite range from which nodes see it anyway."""
+        return SEEN_AT_AN_EDGE if self.kind == "edge" else NARROW
 
 
 class Centres:
@@ -69,25 +95,34 @@ class Centres:
             x, outside = node.var, binders_inside(node.body)
             found: dict[object, Centre] = {}
             for inner in outermost_integrals([node.body], x):
-                for first, second in self._pairs(inner):
-                    apart = sub(first.place, second.place)
-                    widths = first.width.free | second.width.free
-                    if not (apart.free | widths) & outside and x not in widths and self.degrees.of(apart, x) == 1:
-                        rate = call("magnitude", self._at_0(slope(apart, x), x))
-                        width = div(add(first.width, second.width), rate)
-                        found.setdefault(self.key(apart), Centre(self._root(apart, x), width))
-            self._met[node] = tuple(found.values())[:MAX_CENTRES]
+                for apart, width, kind in self._meetings(inner, decays=not is_unbounded(node)):
+                    if (apart.free | width.free) & outside or self.degrees.of(apart, x) not in (1, 2):
+                        continue
+                    for root in quadratic_roots(apart, x) if self.degrees.of(apart, x) == 2 else (Root(self._root(apart, x)),):
+                        at = {x: root.point}
+                        rate = call("magnitude", cast(Expr, substitute(slope(apart, x), at)))
+                        centre = Centre(root.point, div(cast(Expr, substitute(width, at)), rate), kind)
+                        found.setdefault((self.key(apart), root.point), centre)
+            self._met[node] = tuple(found.values())[:MAX_MET]
         return self._met[node]
 
-    def _pairs(self, inner: Integral) -> Iterator[tuple[Centre, Centre]]:
-        """Yields the pairs of places of an integral of which one at least is a centre. On a finite range a centre counts that may be
-        narrow."""
+    def _meetings(self, inner: Integral, *, decays: bool) -> Iterator[tuple[Expr, Expr, str]]:
+        """Yields functions that are 0 where a centre of an integral meets something, by how much they change within its width, and the kind
+        of the place; those of exponentials if `decays`. On a finite range a centre counts that may be narrow."""
+        z = inner.var
         centres = [c for c in self.of(inner) if not _is_wide(c, inner)]
-        yield from combinations(centres, 2)
-        if not is_unbounded(inner):
-            return
+        for first, second in combinations(centres, 2):
+            yield sub(first.place, second.place), add(first.width, second.width), ""
         bounds = [b for b, end in zip((inner.lo, inner.hi), infinite_ends(inner), strict=True) if not end]
-        yield from ((c, Centre(b, ZERO)) for c in centres for b in bounds)
+        surfaces = [atom.g for atom in dict.fromkeys(atoms_of(inner.body, z))]
+        for c in centres:
+            narrow = c.kind in ("bell", "pole") or (decays and c.kind == "decay")
+            if narrow or is_unbounded(inner):
+                yield from _at(c, bounds, surfaces if narrow else (), inner)
+        edges = [*bounds, *(self._root(g, z) for g in surfaces if self.degrees.of(g, z) == 1)] if decays else []
+        for c in centres:
+            for edge in edges if c.kind == "decay" else ():
+                yield from _at(Centre(edge, c.width, c.kind), bounds, surfaces, inner)
 
     def _arguments(self, node: Integral) -> Iterator[tuple[Expr, str]]:
         """Yields the largest linear and quadratic arguments of functions in an integrand, and what stands around each."""
@@ -109,13 +144,14 @@ class Centres:
     def _centre(self, u: Expr, x: Var, around: str) -> Centre:
         rate = slope(u, x)
         if self.degrees.of(u, x) == 1:
-            return Centre(self._root(u, x), div(ONE, call("magnitude", self._at_0(rate, x))))
+            kind = "decay" if around == "exponential" else ""
+            return Centre(self._root(u, x), div(ONE, call("magnitude", self._at_0(rate, x))), kind)
         curvature = self._at_0(slope(rate, x), x)
         middle = self._root(rate, x)
         if around == "exponential":
-            return Centre(middle, div(ONE, call("root", curvature)))
+            return Centre(middle, div(ONE, call("root", curvature)), "bell")
         lowest = cast(Expr, substitute(u, {x: middle}))
-        return Centre(middle, call("root", div(mul(const(2.0), lowest), curvature)), around == "pole")
+        return Centre(middle, call("root", div(mul(const(2.0), lowest), curvature)), "pole" if around == "pole" else "")
 
     def _root(self, u: Expr, x: Var) -> Expr:
         """Returns the root of a linear function."""
@@ -124,6 +160,18 @@ class Centres:
     @staticmethod
     def _at_0(e: Expr, x: Var) -> Expr:
         return cast(Expr, substitute(e, {x: ZERO}))
+
+
+def _at(centre: Centre, bounds: Sequence[Expr], surfaces: Sequence[Expr], node: Integral) -> Iterator[tuple[Expr, Expr, str]]:
+    """Yields functions that are 0 where a centre of an integral meets bounds and surfaces, by how much they change within its width, and
+    the kind of the place."""
+    kind = {"pole": "", "decay": "edge" if is_unbounded(node) else "decay"}.get(centre.kind, centre.kind)
+    for bound in bounds:
+        yield sub(centre.place, bound), centre.width, kind
+    for g in surfaces:
+        with suppress(NotDifferentiableError):
+            value, rate = (cast(Expr, substitute(e, {node.var: centre.place})) for e in (g, slope(g, node.var)))
+            yield value, mul(centre.width, call("magnitude", rate)), kind
 
 
 def _is_wide(centre: Centre, node: Integral) -> bool:

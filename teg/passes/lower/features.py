@@ -44,7 +44,8 @@ class Features:
             return middle + (finite == 0)
         peaks, met = 3 * len(self.exponentials([node])[1]), len(self.centres.met(node))
         if not is_unbounded(node):
-            return middle + peaks + met + comb(met, 2)
+            known = sum(c.reach > 0 for c in self.centres.met(node))
+            return middle + peaks + 3 * known + met - known + comb(met - known, 2)
         centres = len(self.centres.of(node))
         between = comb(finite + centres, 2) if met else 0
         return middle + peaks + (centres + between if finite + centres else 1)

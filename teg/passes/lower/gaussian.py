@@ -3,11 +3,12 @@
     exponent E = c - (w·(x - μ))²,   α, β = w·(p - μ), w·(q - μ),   A = exp(E(p))·erfcx(|α|),   B = exp(E(q))·erfcx(|β|)
 
     I₀ = ½√π·(2·exp(c) - A - B)   if α < 0 < β,   else  ½√π·|A - B|
-    I₁ = ½·(exp(E(p)) - exp(E(q)))     Iₖ = ½·((k - 1)·Iₖ₋₂ + αᵏ⁻¹·exp(E(p)) - βᵏ⁻¹·exp(E(q)))
-    mean = Σₖ P⁽ᵏ⁾(μ)/(k!·wᵏ)·Iₖ/(β - α)
+    J₀ = 0     J₁ = ½·(exp(E(p)) - exp(E(q)))     Jₖ = ½·((k - 1)·Jₖ₋₂ + αᵏ⁻¹·exp(E(p)) - βᵏ⁻¹·exp(E(q)))
+    mean = (C·I₀ + Σₖ P⁽ᵏ⁾(μ)/(k!·wᵏ)·Jₖ)/(β - α),   C = Σⱼ P⁽²ʲ⁾(μ)/(j!·(4w²)ʲ)
 
 With erfcx(x) = exp(x²)·erfc(x) nothing overflows that the integrand does not, and tails keep their digits. A piece on which the exponent
-changes little is left to Gauss nodes: there the differences would cancel. Source: Abramowitz and Stegun 1964, 7.1 and 7.4.
+changes little is left to Gauss nodes: there the differences would cancel. C is simplified, and left out where it is 0: derivatives by the
+place and the width of a density are 0 over all of it. Source: Abramowitz and Stegun 1964, 7.1 and 7.4.
 """
 
 from __future__ import annotations
@@ -17,7 +18,10 @@ from collections.abc import Sequence
 from typing import cast
 
 from teg.analysis.calculus import slope
+from teg.analysis.polynomial import is_null
+from teg.analysis.roots import tidy
 from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Call, Const, Expr, Mul, Pow, Var, const
+from teg.ir.node import Node, postorder
 from teg.ir.simplify import add, call, conjunction, div, integer_power, mul, positive, sub, where
 from teg.ir.traverse import substitute
 from teg.numerics.error_function import SCALED, SCALED_TURN
@@ -95,24 +99,51 @@ class Gaussian:
         """Returns Σ P⁽ᵏ⁾(μ)/(k!·wᵏ)·Iₖ, where nothing cancels that matters."""
         (p, q), (alpha, beta) = piece, ends
         at_p, at_q = (call("exp", self.at(self.exponent, end)) for end in (p, q))
-        peak = self.peak_from(p)
+        values, whole = self._at_peak(polynomial, degree, p)
         a, b = (
             where(positive(add(self.at(self.exponent, end), const(UNDERFLOW))), mul(value, scaled_erfc(call("magnitude", at))), ZERO)
             for end, value, at in ((p, at_p, alpha), (q, at_q, beta))
         )
         inside = conjunction(positive(mul(MINUS_ONE, alpha)), positive(beta))
-        around = sub(sub(mul(const(2.0), call("exp", self.at(self.exponent, peak))), a), b)
+        around = sub(sub(mul(const(2.0), call("exp", self.at(self.exponent, self.peak_from(p)))), a), b)
         first = mul(const(0.5 * math.sqrt(math.pi)), where(inside, around, call("magnitude", sub(a, b))))
-        moments = [first, mul(const(0.5), sub(at_p, at_q))]
+        borders = [ZERO, mul(const(0.5), sub(at_p, at_q))]
         for k in range(2, degree + 1):
-            borders = sub(mul(integer_power(alpha, k - 1), at_p), mul(integer_power(beta, k - 1), at_q))
-            moments.append(mul(const(0.5), add(mul(const(k - 1), moments[k - 2]), borders)))
-        terms, derivative = [], polynomial
-        for k in range(degree + 1):
-            scale = mul(const(1.0 / math.factorial(k)), integer_power(self.width, -k) if k else ONE)
-            terms.append(mul(scale, self.at(derivative, peak), moments[k]))
-            derivative = slope(derivative, self.x)
-        return add(*terms)
+            ends_of = sub(mul(integer_power(alpha, k - 1), at_p), mul(integer_power(beta, k - 1), at_q))
+            borders.append(mul(const(0.5), add(mul(const(k - 1), borders[k - 2]), ends_of)))
+        scales = [mul(const(1.0 / math.factorial(k)), integer_power(self.width, -k)) for k in range(1, degree + 1)]
+        return add(mul(whole, first), *(mul(*factors) for factors in zip(scales, values[1:], borders[1 : degree + 1], strict=True)))
+
+    def _at_peak(self, polynomial: Expr, degree: int, p: Expr) -> tuple[list[Expr], Expr]:
+        """Returns the derivatives of a polynomial at the peak, and C."""
+        derivatives = [polynomial]
+        for _ in range(degree):
+            derivatives.append(slope(derivatives[-1], self.x))
+        bend = mul(const(2.0), self.least)
+        factors = [const(1.0 / (2.0**j * math.factorial(j))) for j in range(degree // 2 + 1)]
+        peak = tidy(div(self.at(self.slope, ZERO), bend))
+        values = [tidy(self.at(e, peak)) for e in derivatives]
+        whole = tidy(_over_all(factors, values, bend))
+        divisors = _divisors(self.exponent) | _divisors(polynomial) | {bend}
+        if is_null(whole):
+            whole = ZERO
+        elif not _divisors(whole) <= divisors:
+            at_peak = [self.at(e, self.peak_from(p)) for e in derivatives]
+            whole = _over_all(factors, at_peak, mul(const(2.0), self.curvature))
+        if not all(_divisors(v) <= divisors for v in values):
+            values = [self.at(e, self.peak_from(p)) for e in derivatives]
+        return values, whole
+
+
+def _over_all(factors: Sequence[Expr], derivatives: Sequence[Expr], bend: Expr) -> Expr:
+    """Returns the mean of a polynomial over all of a Gaussian, from its derivatives at the peak."""
+    terms = enumerate(zip(factors, derivatives[::2], strict=True))
+    return add(*(mul(c, v, integer_power(bend, -j)) for j, (c, v) in terms))
+
+
+def _divisors(e: Expr) -> set[Node]:
+    """Returns what an expression is divided by."""
+    return {n.base for n in postorder([e]) if isinstance(n, Pow) and n.exponent < 0}
 
 
 def mean_at_nodes(e: Expr, x: Var, p: Expr, q: Expr, nodes: int) -> Expr:

@@ -134,7 +134,7 @@ class _Means:
         match e:
             case Add():
                 parts = []
-                for c in e.children:
+                for c in self._joined(e.children):
                     parts.append((yield self._mean(c)))
                 return add(*parts)
             case Where():
@@ -144,6 +144,20 @@ class _Means:
                 return mean
             case _:
                 return self._term([e])
+
+    def _joined(self, terms: Sequence[Expr]) -> list[Expr]:
+        """Returns terms in which polynomials times the same exponential are one: of a narrow Gaussian, their means cancel."""
+        alone: list[Expr] = []
+        joined: dict[Expr, list[Expr]] = {}
+        for term in terms:
+            factors = cast("Sequence[Expr]", term.children) if isinstance(term, Mul) else (term,)
+            exponentials = [f for f in factors if isinstance(f, Call) and f.name == "exp" and not self._is_constant(f)]
+            others = mul(*(f for f in factors if f not in exponentials))
+            if len(exponentials) == 1 and self._is_polynomial(others):
+                joined.setdefault(exponentials[0], []).append(others)
+            else:
+                alone.append(term)
+        return alone + [mul(add(*others), exponential) for exponential, others in joined.items()]
 
     def _product(self, factors: Sequence[Expr]) -> Steps[Expr]:
         """Returns the mean of a product. A sum or a choice among the factors is multiplied out."""

@@ -17,7 +17,7 @@ from typing import cast
 
 from teg.analysis.breaks import MAX_BENDS, Breaks
 from teg.analysis.calculus import slope
-from teg.analysis.centres import NARROW, Centre
+from teg.analysis.centres import BELL, Centre
 from teg.analysis.decay import steepest_of_slow
 from teg.analysis.projection import Turn
 from teg.analysis.roots import local_origin
@@ -36,8 +36,6 @@ from teg.passes.lower.roots import Roots
 from teg.passes.lower.rules import Rules
 from teg.program import INFINITE, TIE_EPS, Adaptive, Arg, Bend, Rule
 
-PEAK = 8.5
-"""A Gaussian is 0 to rounding beyond this many standard deviations: exp(-8.5²/2) = 2e-16."""
 RESOLVED = 64 * 2.0**-52
 """A feature that is narrower, relative to its place, is lost in the rounding of places."""
 NEAR = 8.0
@@ -111,7 +109,7 @@ class Pieces:
             return ()
         places: list[Arg] = []
         for rate, curvature in self.features.exponentials(group)[1]:
-            width = div(const(PEAK), call("root", curvature))
+            width = div(const(BELL), call("root", curvature))
             middle = div(mul(MINUS_ONE, rate), curvature)
             narrow: Cond = positive(mul(MINUS_ONE, curvature))
             if not is_unbounded(node):
@@ -134,7 +132,7 @@ class Pieces:
         known: list[Arg] = [out.number(b, home) for b, end in zip((node.lo, node.hi), infinite_ends(node), strict=True) if not end]
         places: list[Arg] = []
         for centre in dict.fromkeys(c for i in group for c in self.centres.of(i)):
-            place, width = out.number(centre.place, home), out.number(centre.width, home)
+            place, width = self._finite(centre.place, home), out.number(centre.width, home)
             if not known:
                 place = out.assign(home, "select", out.assign(home, "ok", place), place, 0.0)
             near = out.assign(home, "mul", NEAR, width)
@@ -148,17 +146,29 @@ class Pieces:
         return tuple(places) if known else (0.0,)
 
     def _narrow_centres(self, group: Sequence[Integral], home: Level) -> tuple[Arg, ...]:
-        """Returns the places where centres of inner integrals meet, those of less than NARROW of a finite range."""
-        node, out = group[0], self.out
+        """Returns the places where centres of inner integrals meet, those that are narrow, and the ends of integrals
+        of Gaussians and exponentials."""
         places: list[Arg] = []
+        ends: list[Arg] = []
         for centre in dict.fromkeys(c for i in group for c in self.centres.met(i)):
-            places.append(out.number(where(self._is_narrow(centre, node), centre.place, const(math.nan)), home))
-        return (*places, *self._between(places, home))
+            width, narrow = mul(const(centre.reach), centre.width), self._is_narrow(centre, group[0])
+            around = [centre.place, *([sub(centre.place, width), add(centre.place, width)] if centre.reach else [])]
+            middle, *others = (self._finite(where(narrow, place, const(math.nan)), home) for place in around)
+            (ends if centre.reach else places).append(middle)
+            ends += others
+        return (*places, *ends, *self._between(places, home))
+
+    def _finite(self, place: Expr, home: Level) -> Arg:
+        """Returns a place, NaN where it is infinite: surfaces that are level in a variable have a centre nowhere."""
+        at = self.out.number(place, home)
+        if not isinstance(at, str):
+            return at if math.isfinite(at) else NAN
+        return self.out.assign(home, "select", self.out.assign(home, "ok", self.out.assign(home, "sub", at, at)), at, NAN)
 
     @staticmethod
     def _is_narrow(centre: Centre, node: Integral) -> Cond:
-        """Returns the condition that a centre is narrower than a part NARROW of a finite range."""
-        return positive(sub(mul(const(NARROW), call("magnitude", sub(node.hi, node.lo))), centre.width))
+        """Returns the condition that a centre is too narrow for the nodes of a finite range."""
+        return positive(sub(mul(const(centre.part), call("magnitude", sub(node.hi, node.lo))), centre.width))
 
     def _between(self, places: Sequence[Arg], home: Level) -> list[Arg]:
         """Returns the middle of each pair of places: a piece has one bend, so it ends at one centre only."""
@@ -176,7 +186,7 @@ class Pieces:
             inside = [positive(mul(const(sign), sub(middle, bound))) for sign, bound, end in bounds if not end]
             found.append(conjunction(positive(mul(MINUS_ONE, curvature)), _is_unresolved(middle, width), *inside))
         if is_unbounded(node):
-            poles = dict.fromkeys(c for i in group for c in self.centres.of(i) if c.pole)
+            poles = dict.fromkeys(c for i in group for c in self.centres.of(i) if c.kind == "pole")
             found += [conjunction(positive(c.width), _is_unresolved(c.place, c.width)) for c in poles]
         flag = out.truths(disjunction(*found), home)[0]
         for number in [c for b in bends if b.when is True for c in b.coefficients if isinstance(c, str)]:
@@ -229,11 +239,11 @@ class Pieces:
             holds = self.out.truths(turn.when, cast(Level, level.middle))[0]
             if holds is not False or operand is not None:
                 bends.append(Bend(turn.kind, cast("tuple[Arg, Arg, Arg]", numbers), holds))
-        met = [c for i in group for c in self.centres.met(i)] if isinstance(rule, Adaptive) else []
+        met = [c for i in group for c in self.centres.met(i) if not c.reach or is_unbounded(i)] if isinstance(rule, Adaptive) else []
         for centre in list(dict.fromkeys(met))[: MAX_BENDS - len(bends)]:  # as narrow as if there were poles beside it
             counts = is_unbounded(group[0]) or self.out.truths(self._is_narrow(centre, group[0]), home)[0]
             for side in (sub(centre.place, centre.width), add(centre.place, centre.width)):
-                bends.append(Bend("pole", (self.out.number(sub(base, side), home), 1.0, 0.0), counts))
+                bends.append(Bend("pole", (self._finite(sub(base, side), home), 1.0, 0.0), counts))
         return self.out.number(base, home) if bends else 0.0, tuple(bends)
 
     def watched(self, bodies: Sequence[Expr], level: Level) -> tuple[str, ...]:

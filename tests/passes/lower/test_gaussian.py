@@ -1,0 +1,113 @@
+"""Narrow densities beside surfaces that move: values and derivatives against closed forms."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+import teg
+
+x, y = teg.vars("x y")
+m, s, k, a = teg.params("m s k a")
+BACKENDS = ["numpy", "c", "jax"]
+DENSITY = teg.exp(-((x - m) ** 2) / (2 * s * s)) / (s * math.sqrt(2 * math.pi))
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("ends", [(-1.0, 2.0), (-math.inf, math.inf)], ids=str)
+def test_a_density_that_a_line_divides(backend: str, ends: tuple[float, float], x64_for_jax: None) -> None:
+    """The probability of x + a·y < k is 1 below y = (k - m)/a and 0 above, but for a layer that no node of the whole range sees."""
+    f = teg.compile(teg.integral(teg.bracket(x + a * y < k) * DENSITY, (x, *ends), (y, 0, 1)), [m, s, k, a], backend=backend)
+    for width in (1e-2, 1e-3, 1e-5, 3.2e-6, 1e-6):
+        value, gradient = f.value_and_grad(m=0.1, s=width, k=0.5, a=0.7)
+        lost = 1e-12 + 1e-17 / width
+        assert value == pytest.approx(0.4 / 0.7, abs=lost)
+        assert gradient["m"] == pytest.approx(-1 / 0.7, rel=10 * lost)
+        assert gradient["k"] == pytest.approx(1 / 0.7, rel=10 * lost)
+        assert gradient["a"] == pytest.approx(-0.4 / 0.49, rel=10 * lost)
+        assert abs(gradient["s"]) < 1e-12 + 1e-14 / width
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_line_that_is_level_has_its_bell_nowhere(backend: str, x64_for_jax: None) -> None:
+    """P(X + aY < k) = Φ((k - m)/√(s² + a²)) for two normal numbers; at a = 0 no y has the middle of X on the line."""
+    normal = teg.exp(-((x - m) ** 2) / (2 * s * s) - y * y / 2) / (2 * s * math.pi)
+    f = teg.compile(teg.integral(teg.bracket(x + a * y < k) * normal, (x, -math.inf, math.inf), (y, -math.inf, math.inf)), backend=backend)
+    for width, tilted in ((1.0, 0.0), (1e-3, 0.0), (1e-3, -1e-9), (1e-6, 0.0), (1e-6, 0.7), (1e-3, 1e-300)):
+        value, gradient = f.value_and_grad(m=0.3, s=width, k=0.5, a=tilted)
+        deviation = math.hypot(width, tilted)
+        at = 0.2 / deviation
+        density = math.exp(-at * at / 2) / math.sqrt(2 * math.pi) / deviation
+        assert value == pytest.approx(math.erfc(-at / math.sqrt(2)) / 2, rel=1e-12)
+        assert gradient["m"] == pytest.approx(-density, rel=1e-9, abs=1e-15 / width)
+        assert gradient["k"] == pytest.approx(density, rel=1e-9)
+        assert gradient["s"] == pytest.approx(-density * at * width / deviation, rel=1e-4, abs=1e-15 / width)
+
+
+def test_derivatives_by_the_width_do_not_cancel() -> None:
+    """All that a density gains by its width it loses: the outer integral sees a layer, and not the rounding of 1/s² beside it."""
+    f = teg.compile(teg.integral(teg.bracket(x + a * y < k) * DENSITY, (x, -math.inf, math.inf), (y, 0, 1)), [s], backend="numpy")
+    gradient, errors = f.grad_and_error(m=0.1, s=1e-6, k=0.5, a=-0.7)
+    assert gradient["s"] == 0.0
+    assert errors["s"] == 0.0
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_an_exponential_that_a_line_divides(backend: str, x64_for_jax: None) -> None:
+    """From m on; P(X + aY < k) over y is k' - s/a·(1 - e^(-(k - m)/s)) with k' = (k - m)/a. Nodes miss the layer of width s/a below k'. The
+    root of the exponent is m - 100s, no end of the range."""
+    exponential = teg.bracket(x > m) * math.exp(100) * teg.exp((m - 100 * s - x) / s) / s
+    f = teg.compile(teg.integral(teg.bracket(x + a * y < k) * exponential, (x, 0, 1), (y, 0, 1)), [m, k], backend=backend)
+    for width in (0.1, 1e-3, 1e-6):
+        value, gradient = f.value_and_grad(m=0.3, s=width, k=0.5, a=0.7)
+        left = math.exp(-0.2 / width)
+        assert value == pytest.approx((0.2 - width * (1 - left)) / 0.7, rel=1e-12 + 1e-16 / width)
+        assert gradient["m"] == pytest.approx(-(1 - left) / 0.7, rel=1e-8)
+        assert gradient["k"] == pytest.approx((1 - left) / 0.7, rel=1e-8)
+
+
+@pytest.mark.parametrize("backend", ["numpy", "c"])
+def test_an_exponential_from_a_surface_inwards(backend: str) -> None:
+    """The same the other way round: it decays from the line, and the layer is where the line meets x = m."""
+    inwards = teg.bracket((x + a * y < k) & (x > m)) * teg.exp((x + a * y - k) / s) / s
+    f = teg.compile(teg.integral(inwards, (x, 0, 1), (y, 0, 1)), [k], backend=backend)
+    value, gradient = f.value_and_grad(m=0.3, s=1e-4, k=0.5, a=0.7)
+    assert value == pytest.approx((0.2 - 1e-4) / 0.7, rel=1e-12)
+    assert gradient["k"] == pytest.approx(1 / 0.7, rel=1e-10)
+
+
+@pytest.mark.parametrize("width", [0.1, 1e-2, 1e-3, 1e-5])
+def test_a_step_that_a_line_divides(width: float) -> None:
+    """∫ 1/(1 + e^(-(x - m)/s)) dx up to the line has a bend where the line meets the middle of the step; its k-derivative is a step."""
+    step = 1 / (1 + teg.exp(-(x - m) / s))
+    f = teg.compile(teg.integral(teg.bracket(x + y < k) * step, (x, 0, 1), (y, 0, 1)), [k])
+    _, gradient = f.value_and_grad(m=0.3, s=width, k=0.5)
+    expected = width * (math.log1p(math.exp(0.2 / width)) if width > 1e-2 else 0.2 / width) - width * math.log1p(math.exp(-0.3 / width))
+    assert gradient["k"] == pytest.approx(expected, rel=1e-8)
+
+
+@pytest.mark.parametrize("width", [1e-3, 1e-4])
+def test_a_density_with_two_tails_over_the_line(width: float) -> None:
+    """Laplace's density: the value at s = 1e-4 was off by 7e-5, and the gradient took minutes."""
+    density = teg.exp(-abs(x - m) / s) / (2 * s)
+    f = teg.compile(teg.integral(teg.bracket(x + 0.7 * y < k) * density, (x, -math.inf, math.inf), (y, 0, 1)), [k])
+    value, gradient = f.value_and_grad(m=0.3, s=width, k=0.5)
+    assert value == pytest.approx(0.2 / 0.7, rel=1e-11)
+    assert gradient["k"] == pytest.approx(1 / 0.7, rel=1e-9)
+
+
+def test_the_place_of_a_density_that_a_line_divides() -> None:
+    f = teg.compile(teg.integral(teg.bracket(x + 0.7 * y < 0.5) * DENSITY, (x, -1, 2), (y, 0, 1)), [m], backend="numpy")
+    value, gradient = f.value_and_grad(m=0.1, s=1e-5)
+    assert value == pytest.approx(0.4 / 0.7, abs=1e-12)
+    assert gradient["m"] == pytest.approx(-1 / 0.7, abs=1e-11)
+
+
+@pytest.mark.parametrize("width", [1e-4, 1e-6])
+def test_derivatives_of_an_expectation_by_place_and_width(width: float) -> None:
+    """All of a density lies inside: the mean of x is m, and the terms of size 1/s cancel."""
+    f = teg.compile(teg.integral(DENSITY * x, (x, -1, 2)), [m, s])
+    gradient = f.grad(m=0.7, s=width)
+    assert gradient["m"] == pytest.approx(1.0, rel=1e-14)
+    assert gradient["s"] == pytest.approx(0.0, abs=1e-15 / width)
