@@ -187,3 +187,19 @@ def test_only_lines_whose_gradient_keeps_its_length_are_eliminated_at_each_time(
     for g in (x * tm + y * tm * tm - t, x * teg.cos(tm) + 2 * y * teg.sin(tm) - t, x * x + y * teg.sin(tm), x * teg.sin(tm) + tm):
         assert match_turning(g, order) is None
     assert match_turning(turning, [x, tm, y]) is None
+
+
+@pytest.mark.parametrize("rate", [0.3, 3.0])
+@pytest.mark.parametrize("order", [(x, y, z), (z, x, y), (y, x, z)], ids=str)
+def test_a_pivot_that_changes_with_another_variable_beside_a_bound_that_moves(rate: float, order: tuple[teg.Expr, ...]) -> None:
+    """The volume of {a·x·y < z} over (b, 1) × (0, 1)²: over y and z it is h(a·x), with h(c) = 1 - c/2 up to c = 1 and 1/(2·c) beyond."""
+    domains = {x: (x, b, 1), y: (y, 0, 1), z: (z, 0, 1)}
+    f = teg.compile(teg.integral(teg.bracket(a * (x * y) < z), *[domains[v] for v in order]), [a, b])
+    value, slopes = f.value_and_grad(a=rate, b=0.2)
+
+    def volume(c: mpmath.mpf) -> mpmath.mpf:
+        return mpmath.quad(lambda u: 1 - c * u / 2 if c * u < 1 else 1 / (2 * c * u), [0.2, max(0.2, min(1, 1 / c)), 1])
+
+    assert value == pytest.approx(float(volume(mpmath.mpf(rate))), rel=1e-13)
+    assert slopes["a"] == pytest.approx(float(mpmath.diff(volume, rate)), rel=1e-9)
+    assert slopes["b"] == pytest.approx(-(1 - rate * 0.1), rel=1e-13)
