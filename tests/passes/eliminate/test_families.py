@@ -203,3 +203,14 @@ def test_a_pivot_that_changes_with_another_variable_beside_a_bound_that_moves(ra
     assert value == pytest.approx(float(volume(mpmath.mpf(rate))), rel=1e-13)
     assert slopes["a"] == pytest.approx(float(mpmath.diff(volume, rate)), rel=1e-9)
     assert slopes["b"] == pytest.approx(-(1 - rate * 0.1), rel=1e-13)
+
+
+@pytest.mark.parametrize("intrinsics", [True, False])
+@pytest.mark.parametrize("level", [0.6, 0.0])
+def test_a_factor_that_is_no_number_where_its_condition_fails(level: float, intrinsics: bool) -> None:
+    """1/√b stands in front of the boundary integral, which for level 0 is that of the two axes and diverges."""
+    inside = x * y < teg.sqrt(teg.maximum(b, 0)) + c
+    f = teg.compile(teg.integral(teg.bracket(inside), (x, -1, 1), (y, -1, 2)), [b], intrinsics=intrinsics)
+    assert f.grad(b=-0.4, c=level)["b"] == 0
+    if level:  # the derivative by the level 1.1, which is 1 times that by b, is ∫ dx/x from 0.55 to 1
+        assert f.grad(b=0.25, c=level)["b"] == pytest.approx(-math.log(0.55), rel=1e-12)
