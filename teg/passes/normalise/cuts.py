@@ -215,7 +215,7 @@ def _divided(e: Expr, by: Expr) -> Expr | None:
         return None
     factors: Sequence[Expr] = [e.base] * e.exponent if isinstance(e, Pow) and e.exponent > 0 else e.children if isinstance(e, Mul) else [e]
     for i, f in enumerate(factors):
-        if isinstance(f, Pow | Mul) and (inner := _divided(f, by)) is not None:
+        if f is not e and isinstance(f, Pow | Mul) and (inner := _divided(f, by)) is not None:
             return mul(*factors[:i], inner, *factors[i + 1 :])
         degree = Shadow((variables[0],)).degree(f)
         if degree and degree <= MAX_DEGREE and ZeroSet(by).annuls(f):

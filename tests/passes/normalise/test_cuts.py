@@ -335,3 +335,26 @@ def test_an_angle_of_zero_compared_with_steps(variable: teg.Expr) -> None:
     value, slopes = f.value_and_grad(a=0.4)
     assert value == pytest.approx(0.16, rel=1e-14)
     assert slopes["a"] == pytest.approx(0.8, rel=1e-14)
+
+
+OVER_A_PARAMETER: dict[str, tuple[teg.Expr, Callable[[Number, Number], Number]]] = {
+    "a pole": (teg.tanh(1 / (y - t) / a), lambda u, q: mpmath.tanh(1 / (u * q))),
+    "a square": (teg.exp(-1 / (y - t) ** 2 / a), lambda u, q: mpmath.exp(-1 / (u * u * q))),
+    "a factor of both": (teg.atan((y - t) / (y - t) ** 2 / a), lambda u, q: mpmath.atan(1 / (u * q))),
+    "a function of it": (teg.erf(1 / (y - t) / teg.exp(a)), lambda u, q: mpmath.erf(1 / (u * mpmath.exp(q)))),
+}
+"""Functions of a pole that is divided by a parameter a = q, and what they are in u = y - t."""
+
+
+@pytest.mark.parametrize("name", OVER_A_PARAMETER)
+def test_a_pole_that_is_divided_by_a_parameter(name: str) -> None:
+    e, function = OVER_A_PARAMETER[name]
+    value, slopes = teg.compile(teg.integral(e, (y, 0, 1)), [t, a]).value_and_grad(t=0.3, a=1.2)
+
+    def integral(p: Number, q: Number) -> Number:
+        return mpmath.quad(lambda u: function(u, q), [-p, 0, 1 - p])
+
+    p, q = mpmath.mpf("0.3"), mpmath.mpf("1.2")
+    assert value == pytest.approx(float(integral(p, q)), rel=1e-9)
+    assert slopes["t"] == pytest.approx(float(function(-p, q) - function(1 - p, q)), rel=1e-9)
+    assert slopes["a"] == pytest.approx(float(mpmath.diff(lambda r: integral(p, r), q)), rel=1e-6)
