@@ -124,14 +124,19 @@ def _half_planes(condition: Compare) -> Cond | None:
     if _is_zero(v) or _is_zero(u):
         return None
     t = mul(MINUS_ONE, div(rest, factor))
-    below, ahead = positive(mul(MINUS_ONE, v)), positive(sub(mul(u, call("sin", t)), mul(v, call("cos", t))))
+    rising = positive(factor)
+    above = negation(_less(v, u, t, not condition.strict))
+    return disjunction(conjunction(rising, above), conjunction(negation(rising), _less(v, u, t, condition.strict)))
+
+
+def _less(v: Expr, u: Expr, t: Expr, strict: bool) -> Cond:
+    """Returns the condition that an angle is less than t, or not more than t: of atan2(sin x, cos x) and x these differ."""
+    below, ahead = positive(mul(MINUS_ONE, v)), positive(sub(mul(u, call("sin", t)), mul(v, call("cos", t))), strict)
     upper, turn = positive(t), const(math.pi)
-    less = disjunction(
+    return disjunction(
         conjunction(upper, disjunction(positive(sub(t, turn)), below, ahead)),
         conjunction(negation(upper), positive(add(t, turn)), below, ahead),
     )
-    rising = positive(factor)
-    return disjunction(conjunction(rising, negation(less)), conjunction(negation(rising), less))
 
 
 def _written_in_half_planes(condition: Compare) -> Cond | None:

@@ -358,3 +358,12 @@ def test_a_pole_that_is_divided_by_a_parameter(name: str) -> None:
     assert value == pytest.approx(float(integral(p, q)), rel=1e-9)
     assert slopes["t"] == pytest.approx(float(function(-p, q) - function(1 - p, q)), rel=1e-9)
     assert slopes["a"] == pytest.approx(float(mpmath.diff(lambda r: integral(p, r), q)), rel=1e-6)
+
+
+@pytest.mark.parametrize("factor", [1, -2])
+def test_an_angle_is_not_less_than_itself(factor: int) -> None:
+    """atan2(sin x, cos x) is x between -π and π."""
+    angle = teg.atan2(teg.sin(x), teg.cos(x))
+    conditions = factor * angle < factor * x, factor * x < factor * angle, factor * angle <= factor * x, factor * x <= factor * angle
+    values = [teg.evaluate(teg.integral(teg.bracket(c), (x, -1, 2))) for c in conditions]
+    assert values == [0.0, 0.0, 3.0, 3.0]
