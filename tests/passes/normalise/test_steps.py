@@ -550,10 +550,7 @@ def test_plateaus_at_the_ends_of_a_staircase(name: str, backend: str) -> None:
 
 OF_WHOLE_NUMBERS = {
     "a remainder, up to the variable": (teg.mod(x, 1) <= x, 1.0),
-    "a remainder above the variable": (x < teg.mod(x, 1), 0.0),
     "a remainder by a half": (teg.mod(x, 0.5) <= x, 1.0),
-    "times a parameter": (a * teg.mod(x, 1) <= a * x, 1.0),
-    "of a multiple": (2 * teg.mod(x / 2, 1) >= x, 1.0),
 }
 """Conditions in which the variable cancels, and where they hold beside x = 0.4: what remains is the sign of a whole number, here 0."""
 
