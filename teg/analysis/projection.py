@@ -109,6 +109,7 @@ class Projection:
         self.finite = not any(isinstance(b, Const) and math.isinf(b.data) for b in (node.lo, node.hi))
         masses = masses_of(node.body, node.var)
         self.surface = frozenset(branches_of(masses.g) or ()) if masses is not None else None
+        """The surface of point masses. Conditions say which of its points count, and its range is a little wider than these."""
         self.affine: list[tuple[Expr, Expr, Expr]] = []
         self.quadratic: list[Expr] = []
         self.others: list[Expr] = []
@@ -170,7 +171,7 @@ class Projection:
         """Files a break function by its degree, and adds the functions that it contributes alone."""
         z, lo, hi = self.node.var, self.node.lo, self.node.hi
         degree, apart = self.functions.degrees.of(f, z), self._apart(f)
-        if not apart:
+        if self.surface is None:
             for bound in (lo, hi):
                 if not (isinstance(bound, Const) and math.isinf(bound.data)):
                     at_bound = self.origins[f] | {_Bound(z, self.functions.key(sub(z, bound)))}
@@ -304,10 +305,22 @@ class Projection:
             if formula is None or not formula.certain:
                 self._search(f, curved[i + 1 :])
                 continue
+            fixed = self._fixed()
+            met = [g for g in (*curved[i + 1 :], *(g for g, *_ in self.affine)) if self._meet(f, g) and not coincide(f, g)]
+            for g in met:
+                if g in fixed:
+                    self._put(cast(Expr, substitute(f, {z: fixed[g]})), near(fixed[g], lo, hi), self._both(f, g))
             for root in formula.found:
-                for g in (*curved[i + 1 :], *(f for f, *_ in self.affine)):
-                    if self._meet(f, g) and not (coincide(f, g) or self._met_at_a_turn(f, g)):
+                for g in met:
+                    if g not in fixed and not self._met_at_a_turn(f, g):
                         self._put(cast(Expr, substitute(g, {z: root.point})), origin=self._both(f, g))
+
+    def _fixed(self) -> dict[Expr, Expr]:
+        """Returns the roots of affine functions that stay where they are.
+
+        Where the root of f is there, f is 0 there: so tan(-a/y) need not be looked at, which the root of y·atan(z) + a is."""
+        crossings = ((g, sub(self.origin, div(at_origin, rate))) for g, rate, at_origin in self.affine)
+        return {g: crossing for g, crossing in crossings if not crossing.free}
 
     def _search(self, f: Expr, curved: Sequence[Expr]) -> None:
         """Adds the searches for births of roots of f, which has no formula, and for its crossings with other functions."""

@@ -385,9 +385,10 @@ def _preimages(f: Call | Pow, c: Expr, x: Var, lo: Expr, hi: Expr) -> tuple[list
         certain = broken or (isinstance(u, Var) and all(isinstance(b, Const) and b.data >= 0.0 for b in (lo, hi)))
         above = sub(u, call("pow", c, integer_power(k, -1))), conjunction(positive(c, strict=False), _not_zero(k))
         return [above] if certain or k.free else [above, _below(u, k, c)], certain or not k.free
-    if f.name == "atan2":  # the half-line at the angle c
+    if f.name == "atan2":  # the half-line at the angle c, of which there is one for c between -π and π
         b, a, s, k = u, f.children[1], call("sin", c), call("cos", c)
-        return [(sub(mul(b, k), mul(a, s)), positive(add(mul(a, k), mul(b, s))))], True
+        exists = conjunction(_within(c, -math.pi, math.pi), positive(add(mul(a, k), mul(b, s))))
+        return [(sub(mul(b, k), mul(a, s)), exists)], True
     if f.name in ("sin", "cos", "tan"):
         return _periodic_preimages(f.name, u, c, x, lo, hi)
     inverse = _INVERSES.get(f.name)

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from typing import cast
 
 from teg.analysis.calculus import slope
+from teg.analysis.expanded import expanded
 from teg.analysis.intervals import enclose
 from teg.analysis.polynomial import Shadow
 from teg.analysis.roots import MAX_PERIODIC, tidy
@@ -136,10 +137,18 @@ def _by_floor(e: Call) -> Expr:
 
 def between_integers(c: Compare) -> Cond:
     """Returns a condition on an integer that parameters decide, compared half-way between two integers: the integer itself is then no
-    border."""
-    if c.g.free or c.resolution is not None or not _is_whole(c.g):
+    border.
+
+    In x - mod(x, 1) > 0, which is x - (x - k) > 0 in a cell, the variable cancels: this is such a condition too.
+    """
+    if c.resolution is not None:
         return c
-    return positive(sub(c.g, _HALF) if c.strict else add(c.g, _HALF))
+    g = expanded(c.g) if c.g.free else c.g
+    if g is None or g.free:
+        return c
+    if not _is_whole(g):
+        return positive(g, c.strict)
+    return positive(sub(g, _HALF) if c.strict else add(g, _HALF))
 
 
 def _is_whole(e: Expr) -> bool:

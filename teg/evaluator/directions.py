@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from teg.errors import ParameterError
-from teg.evaluator.arguments import as_entries, name_of
+from teg.evaluator.arguments import as_entries, as_floats, name_of
 from teg.evaluator.plan import Wanted, directions_of
 from teg.ir.arrays import Array
 from teg.ir.expr import Param
@@ -51,11 +51,23 @@ class Directions:
     leaves: Sequence[Param | ArrayName]
 
     def named(self, direction: Mapping[Any, Any]) -> dict[str, Any]:
-        """Returns a direction by name. Raises ParameterError for a parameter by which no derivative is taken."""
+        """Returns a direction by name. Raises ParameterError for a parameter by which no derivative is taken, or for what is no dict."""
+        if not isinstance(direction, Mapping):
+            raise ParameterError(f"a direction is a dict name -> number or array, and {direction!r:.80} was given")
         moved, names = {name_of(k): v for k, v in direction.items()}, [p.name for p in self.wrt]
         if unknown := sorted(moved.keys() - set(names)):
             raise ParameterError(f"no derivative is taken by {unknown[0]!r}", None, "derivatives are taken by " + ", ".join(names))
         return moved
+
+    def components(self, given: Mapping[str, Any], direction: Mapping[Any, Any], dtype: str) -> dict[str, Any]:
+        """Returns a direction by name, as numbers and arrays. Raises ParameterError for another shape than that of an array parameter."""
+        found = {k: as_floats(f"the direction along {k}", d, dtype)[()] for k, d in self.named(direction).items()}
+        for p in self.wrt:
+            if isinstance(p, Array) and p.name in found:
+                shape, own = shape_of(p, given), found[p.name].shape
+                if own[-p.dimensions :] != shape:
+                    raise ParameterError(f"the direction along {p.name} has the shape {own}, {p.name} has {shape}")
+        return found
 
     def moved(self, given: dict[str, Any], direction: Mapping[str, Any]) -> tuple[Wanted, dict[str, Any]]:
         """Returns the product with a direction, and the values with the components of the direction added."""

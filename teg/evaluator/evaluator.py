@@ -27,7 +27,7 @@ from teg.evaluator.kernels import Kernels, Key, dimensions_of
 from teg.evaluator.nodes import NodeFinder, moved_by
 from teg.evaluator.options import Options
 from teg.evaluator.plan import GRADIENT, GRADIENT_ALONE, HESSIAN, ORDERS, VALUE, Kept, Plan, Wanted, directions_of
-from teg.evaluator.results import along_direction, in_shape, in_structure, nested, places, stacked, weighted
+from teg.evaluator.results import along_direction, cotangents_of, in_shape, in_structure, nested, places, stacked, weighted
 from teg.ir.arrays import Array, Gather, arrays_of, has_arrays, integer_parameters
 from teg.ir.cells import check_indices, with_lengths
 from teg.ir.expr import Expr, Param, Tuple
@@ -199,8 +199,8 @@ class Evaluator:
         Raises as `hvp`.
         """
         value, slopes = self.value_and_grad(values)
-        dimensions = self.dimensions
-        return value, along_direction(value, [(slopes[k], d, dimensions[k]) for k, d in self._directions.named(direction).items()])
+        moved, dimensions = self._directions.components(self.by_name((values,), {}), direction, self.dtype), self.dimensions
+        return value, along_direction(value, [(slopes[k], d, dimensions[k]) for k, d in moved.items()])
 
     def vjp(self, values: Mapping[str, Any], cotangent: Any = 1.0) -> tuple[Any, dict[str, Any]]:
         """Returns the value, and the dict name -> Σ cotangent · derivative; a tuple expression takes a tuple of cotangents.
@@ -210,11 +210,8 @@ class Evaluator:
         A cotangent is a number, or an array of the batch's shape. Raises as `value_and_grad`.
         """
         value, slopes = self.value_and_grad(values)
-        dimensions = self.dimensions
-        if not isinstance(value, tuple):
-            return value, {k: weighted(s, cotangent, dimensions[k]) for k, s in slopes.items()}
-        weights = tuple(cotangent) if isinstance(cotangent, tuple | list) else (cotangent,) * len(value)
-        return value, {k: sum(weighted(s, w, dimensions[k]) for s, w in zip(ss, weights, strict=True)) for k, ss in slopes.items()}
+        weights, dimensions = cotangents_of(value, cotangent, self.dtype), self.dimensions
+        return value, {k: weighted(slope, weights, dimensions[k]) for k, slope in slopes.items()}
 
     def evaluations(self, /, *args: Any, derivatives: int = 0, **named: Any) -> int:
         """Returns the number of points at which a call evaluates integrands without an inner integral, over all iterations and the whole

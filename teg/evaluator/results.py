@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
+from teg.errors import ParameterError
+from teg.evaluator.arguments import as_floats
 from teg.ir.expr import Expr, Tuple
 
 if TYPE_CHECKING:
@@ -39,20 +41,44 @@ def places(e: Expr, name: str) -> list[str]:
 
 
 def along_direction(value: Any, terms: Sequence[tuple[Any, Any, int]]) -> Any:
-    """Returns Σ slope · direction, over the entries of parameters of these dimensions, in the structure of a value."""
-    import numpy as np
-
+    """Returns Σ slope · direction, over the entries of parameters of these dimensions, in the structure of a value. Raises ParameterError
+    for directions whose shape does not fit."""
     if isinstance(value, tuple):
         return tuple(along_direction(v, [(slope[i], d, dimensions) for slope, d, dimensions in terms]) for i, v in enumerate(value))
-    products = [np.multiply(slope, d).sum(axis=tuple(range(-dimensions, 0))) if dimensions else slope * d for slope, d, dimensions in terms]
-    return plain(sum(products[1:], start=products[0])) if products else 0.0
+    products = [_product(slope, d, "direction") for slope, d, _ in terms]
+    sums = [p.sum(axis=tuple(range(-dimensions, 0))) if dimensions else p for p, (_, _, dimensions) in zip(products, terms, strict=True)]
+    return plain(sum(sums[1:], start=sums[0])) if sums else 0.0
 
 
 def weighted(slope: Any, weight: Any, dimensions: int) -> Any:
-    """Returns a derivative times a cotangent of the shape of the batch."""
+    """Returns Σ derivative · cotangent, of `cotangents_of`, for a parameter of these dimensions. Raises ParameterError for cotangents whose
+    shape does not fit."""
     import numpy as np
 
-    return slope * np.asarray(weight).reshape(np.shape(weight) + (1,) * dimensions) if dimensions else plain(slope * weight)
+    if isinstance(slope, tuple):
+        return sum(weighted(s, w, dimensions) for s, w in zip(slope, weight, strict=True))
+    return plain(_product(slope, np.reshape(weight, np.shape(weight) + (1,) * dimensions) if dimensions else weight, "cotangent"))
+
+
+def cotangents_of(value: Any, cotangent: Any, dtype: str) -> Any:
+    """Returns cotangents in the structure of a value: one for each entry of a tuple, or the same for all. Raises ParameterError for another
+    number of them, and for others than numbers and arrays."""
+    if not isinstance(value, tuple):
+        return as_floats("the cotangent", cotangent, dtype)[()]
+    every = cotangent if isinstance(cotangent, tuple | list) else (cotangent,) * len(value)
+    if len(every) != len(value):
+        raise ParameterError(f"{len(every)} cotangents for a tuple of {len(value)} entries", None, "give one for each entry")
+    return tuple(cotangents_of(v, c, dtype) for v, c in zip(value, every, strict=True))
+
+
+def _product(slope: Any, factor: Any, what: str) -> Any:
+    try:
+        return slope * factor
+    except ValueError:
+        from numpy import shape
+
+        text = f"a {what} of shape {shape(factor)} does not fit a derivative of shape {shape(slope)}"
+        raise ParameterError(text, None, f"a {what} is a number, or an array that broadcasts with the batch and the parameter") from None
 
 
 def stacked(columns: Sequence[Any], rows: tuple[int, ...], behind: tuple[int, ...]) -> Any:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 
+import mpmath
 import numpy as np
 import pytest
 
@@ -155,3 +156,42 @@ def test_slopes_of_lenses_in_a_sum(backend: str) -> None:
     found, estimates = (result["sizes"] for result in f.grad_and_error(given))
     assert found == pytest.approx(slope, rel=1e-11)
     assert (np.abs(found - slope) <= estimates + 1e-13 * slope).all()
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_root_by_a_tangent_crosses_a_bound(backend: str) -> None:
+    """y·atan(x) + t = 0 is x = tan(-t/y), which crosses x = -1 once; tan(-t/y) does so without end as y goes to 0.
+
+    The derivative is ∫ dy/|y/(1 + x²)| over the boundary, with w = t/y: ∫ 1/(w·cos² w) dw from t to π/4.
+    """
+    f = teg.compile(teg.integral(teg.bracket(y * teg.atan(x) > -t), (x, -1, 1), (y, 0, 1)), [t], backend=backend)
+    expected = mpmath.quad(lambda w: 1 / (w * mpmath.cos(w) ** 2), [0.05, mpmath.pi / 4])
+    assert f.grad(t=0.05)["t"] == pytest.approx(float(expected), rel=1e-10)
+
+
+OVER_A_TRIANGLE = {
+    "exp": (teg.exp(2 * x), lambda r: mpmath.exp(2 * r), [math.log(0.4) / 2]),
+    "tan": (teg.tan(x / 2), lambda r: mpmath.tan(r / 2), [-2 * math.atan(0.2), 2 * math.atan(0.4)]),
+    "sinh": (teg.sinh(x), mpmath.sinh, [-math.asinh(0.2), math.asinh(0.4)]),
+}
+"""Functions h, and the places where h is -b or 2·b, for b = 0.2."""
+
+
+@pytest.mark.parametrize("name", OVER_A_TRIANGLE)
+def test_surfaces_over_triangles_that_turn_over(name: str) -> None:
+    """∫ dz ∫₀ᶻ dx |{y in (-1, 2): y·b < h(x)}| with z from -1 to 2: the bounds of x meet at z = 0, where all roots cross both.
+
+    A length is h/b + 1 where -1 < h/b < 2, and x is in as many (0, z) as there are numbers in (x, 2), or in (-1, x) with the sign -1.
+    """
+    inside, h, places = OVER_A_TRIANGLE[name]
+    f = teg.compile(teg.integral(teg.bracket(y * b < inside), (x, 0, z), (y, -1, 2), (z, -1, 2)), [b])
+    value, slopes = f.value_and_grad(b=0.2)
+
+    def times(r: mpmath.mpf) -> mpmath.mpf:
+        return 2 - r if r > 0 else -1 - r
+
+    ends = sorted([-1.0, 0.0, 2.0, *places])
+    total = mpmath.quad(lambda r: times(r) * (1 + min(2, max(-1, h(r) / 0.2))), ends)
+    by_b = mpmath.quad(lambda r: -times(r) * h(r) / 0.04 if -0.2 < h(r) < 0.4 else 0, ends)
+    assert value == pytest.approx(float(total), rel=1e-11)
+    assert slopes["b"] == pytest.approx(float(by_b), rel=1e-9)

@@ -60,6 +60,7 @@ IN_PASSES: tuple[Mutant, ...] = (
         "teg/passes/normalise/canonicalise.py",
         ("tests/passes/normalise/test_canonicalise.py",),
         ("a kink without a formula", "not _has_formula(b.condition.g) and kinks.sign(b)", "False"),
+        ("a function less than itself", "if all(p.value(g) == 0 for p in self._points):  # rounding", "if False:  # rounding"),
     ),
     *mutants(
         "teg/analysis/polynomial.py",
@@ -202,6 +203,30 @@ IN_PASSES: tuple[Mutant, ...] = (
         "teg/passes/normalise/cuts.py",
         ("tests/passes/normalise/test_cuts.py",),
         ("a quotient with a common factor", "p, q = _reduced(*cleared(argument))", "p, q = cleared(argument)"),
+        ("angles upwards", "    if _is_zero(u):\n", "    if False:\n"),
+        ("angles along an axis", "    if _is_zero(v):\n", "    if False:\n"),
+        ("an angle less than itself", "_less(v, u, t, not condition.strict)", "_less(v, u, t, condition.strict)"),
+    ),
+    *mutants(
+        "teg/analysis/roots.py",
+        ("tests/analysis/test_roots.py",),
+        ("an angle beyond a half turn", "exists = conjunction(_within(c, -math.pi, math.pi), positive(", "exists = conjunction(positive("),
+    ),
+    *mutants(
+        "teg/passes/eliminate/affine.py",
+        ("tests/passes/eliminate/test_families.py",),
+        ("bounds of a pivot that turns", "(*others, *along) if turning else (*along, *others)", "(*along, *others)"),
+    ),
+    *mutants(
+        "teg/passes/eliminate/families.py",
+        ("tests/passes/eliminate/test_families.py",),
+        ("conditions of a factor", "return where(guard, mul(*outside), ZERO), where(", "return mul(*outside), where("),
+    ),
+    *mutants(
+        "teg/analysis/projection.py",
+        ("tests/analysis/test_projection.py",),
+        ("a surface at a fixed bound", "fixed = self._fixed()", "fixed: dict[Expr, Expr] = {}"),
+        ("the wider range of point masses", "if self.surface is None:\n            for bound", "if not apart:\n            for bound"),
     ),
     *mutants(
         "teg/passes/lower/vanishing.py",
@@ -219,6 +244,7 @@ IN_PASSES: tuple[Mutant, ...] = (
         ),
         ("more steps than are counted", "guard = positive(sub(add(base, const(float(count))), most))", "guard = TRUE"),
         ("size of a sum", "size = math.fsum(parts)", "size = max(parts)"),
+        ("a variable that cancels in steps", "g = expanded(c.g) if c.g.free else c.g", "g = c.g"),
     ),
     *mutants(
         "teg/analysis/sharp.py",

@@ -150,7 +150,9 @@ def rewrite_affine(g: Expr, coefficient: Expr, chain: Chain, data: Affine) -> Ex
     if len(chosen) > 1 and not others:
         guard = conjunction(guard, *_meeting(g, coefficient, corner, extents))
     value = where(guard, value, ZERO)
-    return nest(value, (*_unit_binders(unit, pivots, origins, ranges), *others))
+    along = _unit_binders(unit, pivots, origins, ranges)
+    turning = not all(free_of(end, [b.var for b in others]) for u in along for end in (u.lo, u.hi))  # the pivot changes with them
+    return nest(value, (*others, *along) if turning else (*along, *others))
 
 
 def _may_be_long(lo: Expr, hi: Expr) -> bool:

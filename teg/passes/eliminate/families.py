@@ -24,10 +24,10 @@ from teg.analysis.sift import deltas_of, linear_part, without
 from teg.analysis.surfaces import is_affine
 from teg.analysis.tails import is_unbounded
 from teg.errors import DeltaError, NoReparameterisationError, NotDifferentiableError
-from teg.ir.expr import ZERO, Call, Const, Expr, Mul, Var
+from teg.ir.expr import TRUE, ZERO, And, Call, Cond, Const, Expr, Mul, Var
 from teg.ir.integral import Delta, Integral, delta, integral_over
 from teg.ir.node import Node, postorder
-from teg.ir.simplify import add, mul, nonzero_part, where
+from teg.ir.simplify import add, conjunction, mul, nonzero_part, where
 from teg.ir.traverse import fresh, rebuild, rename_apart
 from teg.maps.diffeomorphism import Diffeomorphism, checked_maps
 from teg.passes.eliminate.affine import Affine, match_affine, match_partly_affine, match_turning, rewrite_affine
@@ -341,12 +341,17 @@ class _Elimination:
 
 
 def _apart(coefficient: Expr, variables: set[Var]) -> tuple[Expr, Expr]:
-    """Returns a factor of a coefficient that depends on none of the variables, and the other factor, which includes the conditions."""
+    """Returns a factor of a coefficient that depends on none of the variables, and the other factor, which includes the conditions.
+
+    Conditions without the variables guard the first factor too: 1/√b need not be a number where b > 0 fails.
+    """
     condition, coefficient = nonzero_part(coefficient)
     factors = coefficient.children if isinstance(coefficient, Mul) else (coefficient,)
     outside = [f for f in factors if f.free.isdisjoint(variables) and not f.has_delta and not isinstance(f, Const)]
     inside = mul(*(f for f in factors if f not in outside))
-    return mul(*outside), where(condition, inside, ZERO)
+    parts = cast("Sequence[Cond]", condition.children) if isinstance(condition, And) else (condition,)
+    guard = conjunction(*(c for c in parts if c.free.isdisjoint(variables) and not c.has_delta)) if outside else TRUE
+    return where(guard, mul(*outside), ZERO), where(condition, inside, ZERO)
 
 
 def _describe(g: Expr, variables: Sequence[Var]) -> str:

@@ -10,8 +10,9 @@
 3. A surface proportional to an earlier one by a number, or by denominators without variables, becomes that one; sign and strictness are
    adjusted.
 4. An atom that a bound decides (x < t on (0, t)) is replaced by its value at the other bound.
-5. An integral of a polynomial that a condition depends on is written out: [∫₀ˣ(1 - u/p)du > 0] is a condition on x - x²/(2p).
-6. ∫ΣFᵢ = Σ∫Fᵢ if the terms have different atoms, and factors free of x leave ∫ dx.
+5. An atom whose function is 0 everywhere, as in (a + x)·(a - x) < a² - x², is decided: by rounding it would be true here and there.
+6. An integral of a polynomial that a condition depends on is written out: [∫₀ˣ(1 - u/p)du > 0] is a condition on x - x²/(2p).
+7. ∫ΣFᵢ = Σ∫Fᵢ if the terms have different atoms, and factors free of x leave ∫ dx.
 
 Linear in the program, up to the few conditions that are hoisted.
 """
@@ -110,6 +111,8 @@ class Canonical:
             then = self._atom(decided(g, inner, True), strict, hoists - 1)
             otherwise = self._atom(decided(g, inner, False), strict, hoists - 1)
             return disjunction(conjunction(inner, then), conjunction(negation(inner), otherwise))
+        if all(p.value(g) == 0 for p in self._points):  # rounding would decide a difference that is 0 everywhere
+            return FALSE if strict else TRUE
         g = tangents_as_quotients(g)
         if has_variable_denominator(g):
             numerator, denominator = cleared(g)

@@ -24,7 +24,7 @@ from typing import cast
 
 from teg.analysis.calculus import slope
 from teg.analysis.coincidence import ZeroSet
-from teg.analysis.expanded import perfect_power
+from teg.analysis.expanded import expanded, perfect_power
 from teg.analysis.kinks import Kinks, kinks_of
 from teg.analysis.polynomial import Shadow
 from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Call, Compare, Cond, Const, Expr, HalfAngle, Mul, Param, Pow, Var, const, has_cut
@@ -97,12 +97,21 @@ class _Cuts:
 def _angle(e: Call, in_condition: bool) -> Expr:
     """Returns an angle with its cut as a condition, if the cut counts and can be met."""
     v, u = cast("tuple[Expr, Expr]", e.children)
+    if _is_zero(v):
+        return where(positive(mul(MINUS_ONE, u)), const(math.pi), ZERO)
+    if _is_zero(u):
+        return where(positive(v), const(0.5 * math.pi), where(positive(mul(MINUS_ONE, v)), const(-0.5 * math.pi), ZERO))
     counts = not u.free if in_condition else bool(parameters(v))
     if not (v.free and counts) or (isinstance(u, Const) and u.data > 0.0):
         return e
     quarter = const(0.5 * math.pi)
     above = sub(quarter, half_angle(u, v))
     return where(positive(v, strict=False), above, sub(half_angle(u, mul(MINUS_ONE, v)), quarter))
+
+
+def _is_zero(e: Expr) -> bool:
+    """Returns whether an expression is 0 everywhere, as y - y is: of the angles to a point of an axis there are two."""
+    return e is ZERO or expanded(e) is ZERO
 
 
 def _half_planes(condition: Compare) -> Cond | None:
@@ -112,15 +121,22 @@ def _half_planes(condition: Compare) -> Cond | None:
     if angle is None or not _is_affine(rest):
         return None
     v, u = cast("tuple[Expr, Expr]", angle.children)
+    if _is_zero(v) or _is_zero(u):
+        return None
     t = mul(MINUS_ONE, div(rest, factor))
-    below, ahead = positive(mul(MINUS_ONE, v)), positive(sub(mul(u, call("sin", t)), mul(v, call("cos", t))))
+    rising = positive(factor)
+    above = negation(_less(v, u, t, not condition.strict))
+    return disjunction(conjunction(rising, above), conjunction(negation(rising), _less(v, u, t, condition.strict)))
+
+
+def _less(v: Expr, u: Expr, t: Expr, strict: bool) -> Cond:
+    """Returns the condition that an angle is less than t, or not more than t: of atan2(sin x, cos x) and x these differ."""
+    below, ahead = positive(mul(MINUS_ONE, v)), positive(sub(mul(u, call("sin", t)), mul(v, call("cos", t))), strict)
     upper, turn = positive(t), const(math.pi)
-    less = disjunction(
+    return disjunction(
         conjunction(upper, disjunction(positive(sub(t, turn)), below, ahead)),
         conjunction(negation(upper), positive(add(t, turn)), below, ahead),
     )
-    rising = positive(factor)
-    return disjunction(conjunction(rising, negation(less)), conjunction(negation(rising), less))
 
 
 def _written_in_half_planes(condition: Compare) -> Cond | None:
@@ -204,7 +220,7 @@ def _divided(e: Expr, by: Expr) -> Expr | None:
         return None
     factors: Sequence[Expr] = [e.base] * e.exponent if isinstance(e, Pow) and e.exponent > 0 else e.children if isinstance(e, Mul) else [e]
     for i, f in enumerate(factors):
-        if isinstance(f, Pow | Mul) and (inner := _divided(f, by)) is not None:
+        if f is not e and isinstance(f, Pow | Mul) and (inner := _divided(f, by)) is not None:
             return mul(*factors[:i], inner, *factors[i + 1 :])
         degree = Shadow((variables[0],)).degree(f)
         if degree and degree <= MAX_DEGREE and ZeroSet(by).annuls(f):

@@ -329,5 +329,5 @@ def _with_value(order: Sequence[Node], floor: Expr, value: Expr) -> Expr:
     new: dict[Node, Node] = {floor: value}
     for node in order:
         result = rebuild(node, tuple([new.get(c, c) for c in node.children]))
-        new[node] = between_integers(result) if isinstance(result, Compare) else result
+        new[node] = between_integers(result) if isinstance(result, Compare) and result is not node else result
     return cast(Expr, new[order[-1]])

@@ -187,3 +187,29 @@ def test_only_lines_whose_gradient_keeps_its_length_are_eliminated_at_each_time(
     for g in (x * tm + y * tm * tm - t, x * teg.cos(tm) + 2 * y * teg.sin(tm) - t, x * x + y * teg.sin(tm), x * teg.sin(tm) + tm):
         assert match_turning(g, order) is None
     assert match_turning(turning, [x, tm, y]) is None
+
+
+@pytest.mark.parametrize(("order", "rate"), [((x, y, z), 0.3), ((y, x, z), 3.0)], ids=str)
+def test_a_pivot_that_changes_with_another_variable_beside_a_bound_that_moves(order: tuple[teg.Expr, ...], rate: float) -> None:
+    """The volume of {a·x·y < z} over (b, 1) × (0, 1)²: over y and z it is h(a·x), with h(c) = 1 - c/2 up to c = 1 and 1/(2·c) beyond."""
+    domains = {x: (x, b, 1), y: (y, 0, 1), z: (z, 0, 1)}
+    f = teg.compile(teg.integral(teg.bracket(a * (x * y) < z), *[domains[v] for v in order]), [a, b])
+    value, slopes = f.value_and_grad(a=rate, b=0.2)
+
+    def volume(c: mpmath.mpf) -> mpmath.mpf:
+        return mpmath.quad(lambda u: 1 - c * u / 2 if c * u < 1 else 1 / (2 * c * u), [0.2, max(0.2, min(1, 1 / c)), 1])
+
+    assert value == pytest.approx(float(volume(mpmath.mpf(rate))), rel=1e-13)
+    assert slopes["a"] == pytest.approx(float(mpmath.diff(volume, rate)), rel=1e-9)
+    assert slopes["b"] == pytest.approx(-(1 - rate * 0.1), rel=1e-13)
+
+
+@pytest.mark.parametrize("intrinsics", [True, False])
+@pytest.mark.parametrize("level", [0.6, 0.0])
+def test_a_factor_that_is_no_number_where_its_condition_fails(level: float, intrinsics: bool) -> None:
+    """1/√b stands in front of the boundary integral, which for level 0 is that of the two axes and diverges."""
+    inside = x * y < teg.sqrt(teg.maximum(b, 0)) + c
+    f = teg.compile(teg.integral(teg.bracket(inside), (x, -1, 1), (y, -1, 2)), [b], intrinsics=intrinsics)
+    assert f.grad(b=-0.4, c=level)["b"] == 0
+    if level:  # the derivative by the level 1.1, which is 1 times that by b, is ∫ dx/x from 0.55 to 1
+        assert f.grad(b=0.25, c=level)["b"] == pytest.approx(-math.log(0.55), rel=1e-12)

@@ -281,3 +281,27 @@ def test_two_disks_with_a_rounded_waist(backend: str, x64_for_jax: None) -> None
     assert value == pytest.approx(0.5 * np.sum(r * r) * per_ray, rel=1e-8)
     for name, rate in {"a": -by_a, "c": -by_c, "t": np.ones_like(phi)}.items():
         assert gradient[name] == pytest.approx(np.sum(r * rate / outward) * per_ray, rel=1e-7), name
+
+
+EQUAL = {
+    "a product": ((a + x) * (a - x), a * a - x * x),
+    "a square": ((x + y) ** 2, x * x + 2 * x * y + y * y),
+    "terms in another order": ((a + a) - (x + a), a - x),
+    "a quotient": (1 / (x + 1) + 1 / (x + 2), (2 * x + 3) / ((x + 1) * (x + 2))),
+    "of branches": (teg.maximum(x, a) + teg.minimum(x, a), x + a),
+    "beside a surface": ((x - t) * (x + t) + t * t, x * x),
+}
+"""Two ways to write a function."""
+
+
+@pytest.mark.parametrize("name", EQUAL)
+def test_a_function_is_not_less_than_itself(name: str) -> None:
+    """Rounding makes their difference positive here and negative there."""
+    first, second = EQUAL[name]
+    for less, orders in (ZERO, (first < second, second < first)), (ONE, (first <= second, second <= first)):
+        for condition in orders:
+            assert canonicalise(over(teg.bracket(condition))) is less
+        bound = teg.compile(teg.integral(teg.bracket(orders[0]), (x, 0, t), (y, 0, 1)), [t, a])
+        value, slopes = bound.value_and_grad(t=0.944, a=0.627)
+        assert value == pytest.approx(0.944 if less is ONE else 0, rel=1e-15)
+        assert slopes == {"t": 1.0 if less is ONE else 0.0, "a": 0.0}

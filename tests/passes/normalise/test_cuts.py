@@ -294,3 +294,74 @@ def test_quotients_with_a_common_root(name: str, backend: str) -> None:
         return mpmath.quad(lambda u: mpmath.tanh(quotient(u, p)), [-p, 0, 1 - p])
 
     assert found == pytest.approx(float(mpmath.diff(integral, mpmath.mpf("0.6"))), rel=1e-7)
+
+
+def _turned(v: Number) -> Number:
+    """Returns π/2 with the sign of v."""
+    return mpmath.pi / 2 * mpmath.sign(v)
+
+
+ON_AN_AXIS: dict[str, tuple[teg.Expr, Callable[[Number, Number, Number], Number]]] = {
+    "upwards": (teg.atan2(x - a, 0), lambda s, p, q: _turned(s - p)),
+    "upwards, times the variable": ((1 + x) * teg.atan2(x - a, x - x), lambda s, p, q: (1 + s) * _turned(s - p)),
+    "in a function": (teg.exp(teg.atan2(x - a, 0 * b)), lambda s, p, q: mpmath.exp(_turned(s - p))),
+    "along": (teg.atan2(0, x - a), lambda s, p, q: mpmath.pi if s < p else mpmath.mpf(0)),
+    "along, written with variables": (x * teg.atan2(x - x, x - a), lambda s, p, q: s * mpmath.pi if s < p else mpmath.mpf(0)),
+    "along, in a condition": (teg.bracket(teg.atan2(0, x - a) <= b), lambda s, p, q: mpmath.mpf(s > p)),
+    "along, compared with itself": (teg.bracket(teg.atan2(x - x, x - a) <= 0), lambda s, p, q: mpmath.mpf(s > p)),
+}
+"""Angles to points of an axis, and what they are at x = s, a = p, b = q."""
+
+
+@pytest.mark.parametrize("name", ON_AN_AXIS)
+def test_angles_to_points_of_an_axis(name: str) -> None:
+    """Such an angle is one of three numbers: it jumps where the point crosses the origin."""
+    e, angle = ON_AN_AXIS[name]
+    f = teg.compile(teg.integral(e, (x, -1, 1)), [a, b])
+    value, slopes = f.value_and_grad(a=0.3, b=0.2)
+    p, q = mpmath.mpf("0.3"), mpmath.mpf("0.2")
+    assert value == pytest.approx(float(mpmath.quad(lambda s: angle(s, p, q), [-1, p, 1])), rel=1e-12)
+    with mpmath.workdps(40):
+        jump = angle(p - mpmath.mpf("1e-30"), p, q) - angle(p + mpmath.mpf("1e-30"), p, q)
+    assert slopes["a"] == pytest.approx(float(jump), rel=1e-12)
+    assert slopes["b"] == 0
+
+
+def test_an_angle_of_zero_compared_with_steps() -> None:
+    """atan2(0, √x) <= floor(2·y) is y >= 0."""
+    condition = teg.atan2(y - y, teg.sqrt(teg.maximum(x, 0))) <= teg.floor(2 * y)
+    f = teg.compile(teg.integral(teg.bracket(condition) * y, (x, 0, 2), (y, -1, a)))
+    value, slopes = f.value_and_grad(a=0.4)
+    assert value == pytest.approx(0.16, rel=1e-14)
+    assert slopes["a"] == pytest.approx(0.8, rel=1e-14)
+
+
+OVER_A_PARAMETER: dict[str, tuple[teg.Expr, Callable[[Number, Number], Number]]] = {
+    "a pole": (teg.tanh(1 / (y - t) / a), lambda u, q: mpmath.tanh(1 / (u * q))),
+    "a square": (teg.exp(-1 / (y - t) ** 2 / a), lambda u, q: mpmath.exp(-1 / (u * u * q))),
+    "a factor of both": (teg.atan((y - t) / (y - t) ** 2 / a), lambda u, q: mpmath.atan(1 / (u * q))),
+}
+"""Functions of a pole that is divided by a parameter a = q, and what they are in u = y - t."""
+
+
+@pytest.mark.parametrize("name", OVER_A_PARAMETER)
+def test_a_pole_that_is_divided_by_a_parameter(name: str) -> None:
+    e, function = OVER_A_PARAMETER[name]
+    value, slopes = teg.compile(teg.integral(e, (y, 0, 1)), [t, a]).value_and_grad(t=0.3, a=1.2)
+
+    def integral(p: Number, q: Number) -> Number:
+        return mpmath.quad(lambda u: function(u, q), [-p, 0, 1 - p])
+
+    p, q = mpmath.mpf("0.3"), mpmath.mpf("1.2")
+    assert value == pytest.approx(float(integral(p, q)), rel=1e-9)
+    assert slopes["t"] == pytest.approx(float(function(-p, q) - function(1 - p, q)), rel=1e-9)
+    assert slopes["a"] == pytest.approx(float(mpmath.diff(lambda r: integral(p, r), q)), rel=1e-6)
+
+
+@pytest.mark.parametrize("factor", [1, -2])
+def test_an_angle_is_not_less_than_itself(factor: int) -> None:
+    """atan2(sin x, cos x) is x between -π and π."""
+    angle = teg.atan2(teg.sin(x), teg.cos(x))
+    conditions = factor * angle < factor * x, factor * x < factor * angle, factor * angle <= factor * x, factor * x <= factor * angle
+    values = [teg.evaluate(teg.integral(teg.bracket(c), (x, -1, 2))) for c in conditions]
+    assert values == [0.0, 0.0, 3.0, 3.0]

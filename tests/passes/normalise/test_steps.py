@@ -546,3 +546,21 @@ def test_plateaus_at_the_ends_of_a_staircase(name: str, backend: str) -> None:
     found, slopes = f.value_and_grad(t=0.7, a=0.3)
     assert found == pytest.approx(value, abs=1e-12)
     assert slopes["t"] == pytest.approx(rate, abs=1e-12)
+
+
+OF_WHOLE_NUMBERS = {
+    "a remainder, up to the variable": (teg.mod(x, 1) <= x, 1.0),
+    "a remainder by a half": (teg.mod(x, 0.5) <= x, 1.0),
+}
+"""Conditions in which the variable cancels, and where they hold beside x = 0.4: what remains is the sign of a whole number, here 0."""
+
+
+@pytest.mark.parametrize("name", OF_WHOLE_NUMBERS)
+def test_a_condition_on_a_whole_number_at_a_bound_that_moves(name: str) -> None:
+    """The whole number is the border of the condition, and does not move: the bound does not meet a surface."""
+    condition, holds = OF_WHOLE_NUMBERS[name]
+    f = teg.compile(INT(B(condition) * (1 + x), (x, t, 1)), [t, a])
+    value, slopes = f.value_and_grad(t=0.4, a=0.3)
+    assert value == pytest.approx(holds * (0.6 + 0.42), rel=1e-14)
+    assert slopes["t"] == pytest.approx(-1.4 * holds, rel=1e-14)
+    assert not f.diagnose(t=0.4, a=0.3)
