@@ -6,11 +6,11 @@
 
 Two narrow centres of an inner integral are seen from outside: where they meet, as functions of an outer variable, or where one meets a
 finite bound of an infinite inner range, the outer integrand has a centre. So ∫ dy ∫ f(x - t)·g(y - x) dx has the centre y = t. Where a
-Gaussian or a pole meets a bound or a surface of its range that moves, the outer integrand rises from nothing to all of it:
-∫ dy ∫ e^(-(x/s)²)·[x < y - t] dx has the centre y = t too. An exponential decays from an edge of its range, a bound or a surface: on a
-finite outer range there is a centre where two edges meet, 0 = y - t in ∫ dy ∫₀ e^(-x/s)·[x < y - t] dx, and where the middle of a step,
-1/(1 + e^(-x/s)), meets an edge. Polynomials in front of functions, sines and cosines have no centres. Linear in the size of the integrand,
-but for pairs of at most MAX_CENTRES.
+Gaussian or a pole meets a bound or a surface of its range that moves, the outer integrand rises from nothing to all of it: ∫ dy ∫
+e^(-(x/s)²)·[x < y - t] dx has the centre y = t too. An exponential decays from an edge of its range, a bound or a surface: on a finite
+outer range there is a centre where two edges meet, 0 = y - t in ∫ dy ∫₀ e^(-x/s)·[x < y - t] dx, and where the middle of a step, 1/(1 +
+e^(-x/s)), meets an edge; so does e^(-(x² - m)/s), whose middle may lie beyond the edge. Polynomials in front of functions, sines and
+cosines have no centres. Linear in the size of the integrand, but for pairs of at most MAX_CENTRES.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from itertools import combinations
 from typing import cast
 
 from teg.analysis.calculus import slope
-from teg.analysis.polynomial import Degrees
+from teg.analysis.polynomial import Degrees, is_null
 from teg.analysis.roots import Root, quadratic_roots
 from teg.analysis.surfaces import atoms_of, binders_inside
 from teg.analysis.tails import infinite_ends, is_unbounded
@@ -47,7 +47,9 @@ STEEP = 16
 """The largest positive power that has no centre by itself: it is a polynomial in front of what decays."""
 BELL = 8.5
 """A Gaussian is 0 to rounding beyond this many standard deviations: exp(-8.5²/2) = 2e-16."""
-_REACH = {"bell": BELL, "decay": 37.0}  # exp(-37) = 9e-17
+DECAY = 37.0
+"""An exponential that falls off is 0 to rounding beyond so many of its lengths: exp(-37) = 9e-17."""
+_REACH = {"bell": BELL, "decay": DECAY}
 _WAVES = frozenset(("sin", "cos", "floor", "mod"))
 _EXPONENTIAL = frozenset(("exp", "expm1", "cosh", "sinh", "tanh", "erf", "erfc"))
 
@@ -56,11 +58,12 @@ _EXPONENTIAL = frozenset(("exp", "expm1", "cosh", "sinh", "tanh", "erf", "erfc")
 class Centre:
     """A place, the length on which the integrand changes around it, and its kind: "pole" if there are poles at this distance, "bell" of a
     Gaussian, or its integral up to this place, "decay" of an exponential, or its integral, "edge" of its integral over an infinite range,
-    else ""."""
+    else "". A Gaussian is `high` if it is not known to be at most 1: its tail beyond an edge may count."""
 
     place: Expr
     width: Expr
     kind: str = ""
+    high: bool = False
 
     @property
     def reach(self) -> float:
@@ -123,6 +126,9 @@ class Centres:
         for c in centres:
             for edge in edges if c.kind == "decay" else ():
                 yield from _at(Centre(edge, c.width, c.kind), bounds, surfaces, inner)
+            for edge in edges if c.high else ():
+                length = div(mul(c.width, c.width), call("magnitude", sub(edge, c.place)))
+                yield from _at(Centre(edge, length, "decay"), bounds, surfaces, inner)
 
     def _arguments(self, node: Integral) -> Iterator[tuple[Expr, str]]:
         """Yields the largest linear and quadratic arguments of functions in an integrand, and what stands around each."""
@@ -149,7 +155,7 @@ class Centres:
         curvature = self._at_0(slope(rate, x), x)
         middle = self._root(rate, x)
         if around == "exponential":
-            return Centre(middle, div(ONE, call("root", curvature)), "bell")
+            return Centre(middle, div(ONE, call("root", curvature)), "bell", is_high(cast(Expr, substitute(u, {x: middle}))))
         lowest = cast(Expr, substitute(u, {x: middle}))
         return Centre(middle, call("root", div(mul(const(2.0), lowest), curvature)), "pole" if around == "pole" else "")
 
@@ -172,6 +178,11 @@ def _at(centre: Centre, bounds: Sequence[Expr], surfaces: Sequence[Expr], node: 
         with suppress(NotDifferentiableError):
             value, rate = (cast(Expr, substitute(e, {node.var: centre.place})) for e in (g, slope(g, node.var)))
             yield value, mul(centre.width, call("magnitude", rate)), kind
+
+
+def is_high(exponent: Expr) -> bool:
+    """Returns whether the exponent in the middle of a Gaussian may be positive."""
+    return not (is_null(exponent) or (isinstance(exponent, Const) and exponent.data <= 0.0))
 
 
 def _is_wide(centre: Centre, node: Integral) -> bool:

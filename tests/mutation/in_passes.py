@@ -266,6 +266,18 @@ IN_PASSES: tuple[Mutant, ...] = (
         ("a power beside its logarithm", "n.children[0] is base for n", "n.children[0] is node for n"),
     ),
     *mutants(
+        "teg/passes/lower/pieces.py",
+        ("tests/passes/lower/test_gaussian.py",),
+        ("the end of a tail", "sub(node.var, div(const(DECAY), slope_there))", "add(node.var, div(const(DECAY), slope_there))"),
+        ("tails beside surfaces", "self._tails(group, (lo, hi, *surfaces), home)", "self._tails(group, (lo, hi), home)"),
+    ),
+    *mutants(
+        "teg/analysis/centres.py",
+        ("tests/passes/lower/test_gaussian.py",),
+        ("tails from outside", "for edge in edges if c.high else ():", "for edge in ():"),
+        ("a Gaussian of at most 1", "return not (is_null(exponent) or", "return not (False or"),
+    ),
+    *mutants(
         "teg/analysis/beside.py",
         ("tests/analysis/test_beside.py",),
         ("the side of a condition", "TRUE if known[n.g] * side > 0.0 else FALSE", "TRUE if side > 0.0 else FALSE"),

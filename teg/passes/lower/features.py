@@ -12,7 +12,7 @@ from math import comb
 from typing import cast
 
 from teg.analysis.calculus import slope
-from teg.analysis.centres import Centres
+from teg.analysis.centres import Centres, is_high
 from teg.analysis.endless import factor_of_logarithm
 from teg.analysis.polynomial import Shadow
 from teg.analysis.tails import infinite_ends, is_unbounded
@@ -42,7 +42,9 @@ class Features:
         finite = infinite_ends(node).count(0.0)
         if self.rules.is_exact(node, depth):
             return middle + (finite == 0)
-        peaks, met = 3 * len(self.exponentials([node])[1]), len(self.centres.met(node))
+        edges = infinite_ends(node).count(0.0) + len(self.analysis.of(node).points)
+        peaks = 3 * len(self.exponentials([node])[1]) + edges * len(self.tails([node]))
+        met = len(self.centres.met(node))
         if not is_unbounded(node):
             known = sum(c.reach > 0 for c in self.centres.met(node))
             return middle + peaks + 3 * known + met - known + comb(met - known, 2)
@@ -68,6 +70,21 @@ class Features:
         ]
         at_0 = [cast(Expr, substitute(f, {x: ZERO})) for f in linear]
         return list(dict.fromkeys(div(mul(MINUS_ONE, c), slope(f, x)) for c, f in zip(at_0, linear, strict=True)))[:MAX_SCALES]
+
+    def tails(self, group: Sequence[Integral]) -> list[tuple[Expr, Expr]]:
+        """Returns slope at 0 and curvature of the quadratic exponents that may be positive in the middle: the tail of such a Gaussian from
+        an edge of its range may be large although the middle is not in it."""
+        x, bodies = group[0].var, [i.body for i in group]
+        inner = self.binders(bodies)
+        found: dict[tuple[Expr, Expr], None] = {}
+        for node in postorder(bodies):
+            if isinstance(node, Call) and node.name == "exp" and x in node.free:
+                pair = self.quadratic(node, x, inner)
+                if pair is not None and pair[1] is not ZERO:
+                    middle = div(mul(MINUS_ONE, pair[0]), pair[1])
+                    if is_high(cast(Expr, substitute(self._at_ridge(node.children[0], inner), {x: middle}))):
+                        found[pair] = None
+        return list(found)[:MAX_SCALES]
 
     def exponentials(self, group: Sequence[Integral]) -> tuple[list[Expr], list[tuple[Expr, Expr]]]:
         """Returns the rates of linear exponents in the integrands, and slope at 0 and curvature of the quadratic ones."""

@@ -17,7 +17,7 @@ from typing import cast
 
 from teg.analysis.breaks import MAX_BENDS, Breaks
 from teg.analysis.calculus import slope
-from teg.analysis.centres import BELL, Centre
+from teg.analysis.centres import BELL, DECAY, Centre
 from teg.analysis.decay import steepest_of_slow
 from teg.analysis.projection import Turn
 from teg.analysis.roots import local_origin
@@ -58,7 +58,7 @@ class Pieces:
         node = group[0]
         analysis = self.analysis.of(node)
         lo, hi = self.out.number(node.lo, home), self.out.number(node.hi, home)
-        breaks = tuple(self.out.number(p, home) for p in analysis.points)
+        breaks = surfaces = tuple(self.out.number(p, home) for p in analysis.points)
         breaks += self._peaks(group, home) + self._centres(group, home)
         if self.features.ends_at_both(node):
             breaks += (self.out.number(mul(const(0.5), add(node.lo, node.hi)), home),)  # no piece is singular at both ends
@@ -71,7 +71,10 @@ class Pieces:
             found = self.roots.breaks_in(node, isolation, home, when, soft=bounded and isolation.g not in decisive)
             if isolation.g in decisive:  # too many roots: NaN
                 lo = self.out.assign(home, "select", self.out.assign(home, "ok", found[0]), lo, NAN)
-            breaks += self._mattering(found, analysis.matters[isolation.g], node.var, home)
+            mattering = self._mattering(found, analysis.matters[isolation.g], node.var, home)
+            breaks, surfaces = (*breaks, *mattering), (*surfaces, *mattering)
+        if not all(self.rules.is_exact(i, home.depth) for i in group):
+            breaks += self._tails(group, (lo, hi, *surfaces), home)
         for location in analysis.located:
             breaks += self.roots.located(location, node.lo, node.hi, home, when)
         return lo, hi, breaks
@@ -117,6 +120,25 @@ class Pieces:
             for place in (sub(middle, width), middle, add(middle, width)):
                 places.append(self.out.number(where(narrow, place, const(math.nan)), home))
         return tuple(places)
+
+    def _tails(self, group: Sequence[Integral], edges: Sequence[Arg], home: Level) -> tuple[Arg, ...]:
+        """Returns where the narrow tails of Gaussians end whose middle lies beyond an end of the range, or beyond a break: near there they
+        fall off like exponentials."""
+        node = group[0]
+        found: list[Arg] = []
+        for rate, curvature in self.features.tails(group):
+            for edge in dict.fromkeys(e for e in edges if e not in (math.inf, -math.inf)):
+                at_edge = Level(node.var, home, home.depth + 1, names={node.var: edge}, block=home.block)
+                slope_there = add(rate, mul(curvature, node.var))
+                steepness = call("magnitude", slope_there)
+                narrow: Cond = positive(sub(steepness, mul(const(BELL), call("root", curvature))))
+                if not is_unbounded(node):
+                    length = call("magnitude", sub(node.hi, node.lo))
+                    narrow = conjunction(narrow, positive(sub(mul(length, steepness), const(4.0 * DECAY))))
+                falls = conjunction(narrow, positive(mul(MINUS_ONE, curvature)))
+                end = where(falls, sub(node.var, div(const(DECAY), slope_there)), const(math.nan))
+                found.append(self.out.number(end, at_edge))
+        return tuple(found)
 
     def _centres(self, group: Sequence[Integral], home: Level) -> tuple[Arg, ...]:
         """Returns the centres of integrands on an infinite range, without those that are near a bound or another centre, so that nodes see

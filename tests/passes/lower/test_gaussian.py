@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
+import numpy as np
 import pytest
 
 import teg
@@ -111,3 +113,62 @@ def test_derivatives_of_an_expectation_by_place_and_width(width: float) -> None:
     gradient = f.grad(m=0.7, s=width)
     assert gradient["m"] == pytest.approx(1.0, rel=1e-14)
     assert gradient["s"] == pytest.approx(0.0, abs=1e-15 / width)
+
+
+# -- tails -----------------------------------------------------------------------------------------------------------------
+
+
+def tail(width: float, weight: Callable[[float], float] = lambda y: 1.0) -> float:
+    """∫ of weight·exp((¼ - y²)/s)/s from y = ½ on, to 1 or to infinity: with d = y - ½ in units of s the exponent is -d - s·d²."""
+    nodes, weights = np.polynomial.legendre.leggauss(60)
+    d = 25.0 * (nodes + 1.0)
+    inside = np.exp(-d - width * d * d) * np.array([weight(0.5 + width * v) for v in d])
+    return float(25.0 * np.sum(weights * inside))
+
+
+def bell_beyond(edge: teg.Expr, top: float, weight: teg.Expr | float = 1.0) -> teg.Expr:
+    return teg.integral(weight * teg.exp(-(y * y - m) / s) / s, (y, edge, top))
+
+
+TAILS = {
+    "a bound": lambda: bell_beyond(k, 1),
+    "to infinity": lambda: bell_beyond(k, math.inf),
+    "a condition": lambda: teg.integral(teg.where(y > k, teg.exp(-(y * y - m) / s) / s, 0), (y, 0, 1)),
+    "a curve without a formula": lambda: teg.integral(
+        teg.where(y + teg.exp(y) > k + teg.exp(k), teg.exp(-(y * y - m) / s) / s, 0), (y, 0, 1)
+    ),
+    "from the other side": lambda: teg.integral(teg.exp(-((1 - y) ** 2 - m) / s) / s, (y, 0, 1 - k)),
+    "beside a constant": lambda: bell_beyond(k, 1) + teg.integral(teg.cos(y), (y, 0, 1)) - math.sin(1),
+}
+
+
+@pytest.mark.parametrize("backend", ["c", "numpy"])
+@pytest.mark.parametrize("name", TAILS)
+def test_the_tail_of_a_bell_whose_middle_is_beyond_the_edge(name: str, backend: str) -> None:
+    """It may be large: exp((¼ - y²)/s)/s is 1/s at y = ½, and falls off within s. Its middle is no place in the range."""
+    f = teg.compile(TAILS[name](), [m, k], backend=backend)
+    for width in (1e-3, 1e-4, 1e-6):
+        value, error = f.value_and_error(m=0.25, s=width, k=0.5)
+        expected = tail(width)
+        assert value == pytest.approx(expected, rel=1e-10)
+        assert error < 1e-9
+        assert f.grad(m=0.25, s=width, k=0.5) == pytest.approx({"m": expected / width, "k": -1 / width}, rel=1e-9)
+
+
+@pytest.mark.parametrize("backend", ["c", "numpy"])
+def test_the_tail_of_a_bell_that_a_surface_divides(backend: str) -> None:
+    """∫∫ [x < y] over 0 < x < 1: the weight y. From x = k on the inner range begins at x, and the outer integrand is a layer."""
+    body = teg.bracket(x < y) * teg.exp(-(y * y - m) / s) / s
+    f = teg.compile(teg.integral(body, (y, k, 1), (x, 0, 1)), [m, k], backend=backend)
+    for width in (1e-3, 1e-4, 1e-6):
+        expected = tail(width, lambda v: v)
+        assert f(m=0.25, s=width, k=0.5) == pytest.approx(expected, rel=1e-10)
+
+
+def test_a_bell_that_is_at_most_1_has_no_tails() -> None:
+    """Beyond the edge it is 0 to rounding: its program has no breaks for tails."""
+    low, high = (
+        teg.compile(teg.integral(teg.exp(-((y - m) ** 2 - level) / s) * teg.cos(y), (y, k, 1))).explain().data["integrals"][0]["breaks"]
+        for level in (0, 1)
+    )
+    assert high == low + 2
