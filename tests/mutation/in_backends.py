@@ -99,6 +99,10 @@ IN_BACKENDS: tuple[Mutant, ...] = (
         "backends/c/runtime/cells.h",
         (CELLS, KEPT),
         ("mean of two squares", "for (size_t k = 0; k < size; k++) tables[k] *= 0.5;", ""),
+    ),
+    *mutants(
+        "backends/c/runtime/measures.h",
+        (CELLS, KEPT),
         ("a corner that moves", "p[i] = (s * two->b - one->b * t) / across", "p[i] = (s * two->b + one->b * t) / across"),
         ("bound of an integrand", "size += fabs(own[j])", "size += own[j]"),
     ),

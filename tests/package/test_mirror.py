@@ -163,6 +163,7 @@ ELSEWHERE = {
         "tabled_kernel": "tests/end_to_end/test_alike_terms.py",
         "team": "tests/backends/c/test_threads.py",
         "text": "tests/backends/c/test_names.py",
+        "waiting": "tests/backends/c/test_queues.py",
     },
     "backends/jax": {
         "derivative": "tests/interop/test_jax.py",

@@ -227,6 +227,7 @@ TOPICS = (
     "regions",
     "twins",
     "side_lines",
+    "measures",
     "cells",
     "envelope",
     "signed",
