@@ -95,7 +95,8 @@ def let(definitions: Mapping[Var | Param | str, Operand], body: N) -> N:
     often it is used. In contrast to `teg.substitute`, which replaces everything at once, definitions are read in order. A variable in a
     definition is never that of an integral inside of `body`: a name for a part of an integrand is defined inside of its integral.
 
-    Raises ScopeError for a definition that uses its own name or a later one, and the errors of `teg.substitute`.
+    Raises ScopeError for a definition that uses its own name or a later one, and for a text that is the name of a parameter there, not of a
+    variable; and the errors of `teg.substitute`.
 
         x, r, s = teg.vars("x r s")
         t = teg.param("t")
@@ -113,6 +114,11 @@ def let(definitions: Mapping[Var | Param | str, Operand], body: N) -> N:
             raise ScopeError(f"the definition of {key.name} uses {what}", whole, "a definition may use the names before it")
     if len({k for k, _ in named}) < len(named):
         raise OperandError("a name is defined twice", None, "a variable and the text of its name are one name")
+    trees = [body if isinstance(body, Tuple | Cond) else as_number(body), *(as_number(value) for value in definitions.values())]
+    texts = {k for k in definitions if isinstance(k, str)} - {v.name for tree in trees for v in tree.free}
+    for p in (p for tree in trees for p in parameters(tree) if p.name in texts):
+        way = f"teg.let({{{p.name}: …}}, body), with the parameter itself as the name"
+        raise ScopeError(f'the text "{p.name}" names a variable, and {p.name} is a parameter here', trees[0], way)
     for key, value in reversed(named):
         body = substitute(body, {key: value})
     return body

@@ -71,6 +71,8 @@ def test_names_for_parts() -> None:
         (lambda: teg.substitute("x", {x: 1}), errors.OperandError),  # type: ignore[type-var]
         (lambda: teg.let({u: u + 1}, u), errors.ScopeError),
         (lambda: teg.let({u: v, v: 1}, u), errors.ScopeError),
+        (lambda: teg.let({"t": x}, x + t), errors.ScopeError),
+        (lambda: teg.let({"t": x, u: t + 1}, x < u), errors.ScopeError),
         (lambda: teg.let({u: 1, "u": 2}, u), errors.OperandError),
         (lambda: teg.let([u], u), errors.ParameterError),  # type: ignore[arg-type]
     ],
