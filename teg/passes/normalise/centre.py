@@ -146,9 +146,17 @@ def _arguments(node: Integral, keys: Keys) -> list[_Argument]:
             low, high, _ = _ascending(node.lo, node.hi)
             arguments[key] = _Argument(g, (low, high) if degree == 2 else tuple(ends), TRUE)
         else:
-            ascending = points if degree == 1 else [call("min", *points), call("max", *points)]
-            arguments[key] = _Argument(g, tuple(ascending), exists)
+            arguments[key] = _Argument(g, tuple(points if degree == 1 else _sorted(*points)), exists)
     return list(arguments.values())
+
+
+def _sorted(first: Expr, second: Expr) -> tuple[Expr, Expr]:
+    """Returns two roots in ascending order. Those of m ± s are as they are written: s is a root by a positive number."""
+    apart = sub(second, first)
+    factors = apart.children if isinstance(apart, Mul) else (apart,)
+    if all(f.data > 0.0 if isinstance(f, Const) else isinstance(f, Call) and f.name in ("sqrt", "root") for f in factors):
+        return first, second
+    return call("min", first, second), call("max", first, second)
 
 
 def _pair(g: Expr, x: Var, found: Sequence[Root]) -> tuple[list[Expr], Cond] | None:

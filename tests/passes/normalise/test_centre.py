@@ -92,3 +92,11 @@ def test_a_root_outside_of_the_bounds_is_moved_to_the_nearest_one() -> None:
     f = teg.compile(teg.integral(abs(x - p) ** -0.5, (x, 0, 1)))
     for c in (-1e9, -1.0, 0.0, 1.0, 1e9):
         assert f(p=c) == pytest.approx(2 * abs(math.sqrt(abs(1 - c)) - math.sqrt(abs(c))), rel=1e-6 if abs(c) > 1e8 else 1e-10)
+
+
+def test_roots_in_a_known_order_are_not_compared() -> None:
+    """m ± s are in ascending order; the roots of a quadratic whose sign is not known have to be compared."""
+    known = teg.integral(teg.where(inside, g**-0.3, 0), (x, -2, 2))
+    unknown = teg.integral(teg.where(q * x * x < r * r, (r * r - q * x * x) ** -0.3, 0), (x, -2, 2))
+    assert "min(-" not in str(centred(known))
+    assert "min(-" in str(centred(unknown))
