@@ -82,8 +82,9 @@ class Guard:
 
         a box (left, right) *matters* if one of the tested values does not have
             size·(right - left) <= max(tol·(A₀ + floor), ROUNDING·A), or size = 0 if right - left is not finite
-        s is *unseen* in it, S being the value of s at nodes, if  upper > UNSEEN·max(S, FAINT)  or  upper > HIDDEN·max(lower, FAINT),
-            and not change·(right - left) <= the least of these errors: what a tested |value| changes by while s is below `upper`
+        s is *unseen* in it, S being the value of s at nodes, if  upper > UNSEEN·max(S, FAINT)  or  upper > HIDDEN·max(lower, FAINT);
+            but not if change·(right - left) is at most the least of the errors above. The `change` of s is how much of a tested
+            |value| may come from s, as long as it is at most `upper`
 
     nothing is hidden if the whole interval does not matter, or no s is unseen in it, S being the least at its nodes (of all that are
     numbers); or if in none of the gaps between neighbouring nodes, and between ends and nodes, that matter, an s is unseen, S being the

@@ -99,14 +99,22 @@ static inline int teg_settled(int n, const double *sums)
     return 1;
 }
 
+//: teg_wanted
+/* What the error of one value may be: no less than its rounding. */
+static inline double teg_wanted(const double *sums, double above, double tol, double floor)
+{
+    const double rounding = TEG_ROUNDING * sums[7], wanted = tol * (above + floor);
+    return wanted > rounding ? wanted : rounding;
+}
+
 //: teg_tolerated
 /* The least error that does not matter. */
 static inline double teg_tolerated(int n, const double *sums, const double *above, double tol, double floor)
 {
     double least = INFINITY;
     for (int j = 0; j < n; j++) {
-        const double rounding = TEG_ROUNDING * sums[8 * j + 7], wanted = tol * (above[j] + floor);
-        if (!(least <= wanted || least <= rounding)) least = wanted > rounding ? wanted : rounding;
+        const double wanted = teg_wanted(sums + 8 * j, above[j], tol, floor);
+        if (!(least <= wanted)) least = wanted;
     }
     return least;
 }
@@ -117,8 +125,7 @@ static inline int teg_matters(int n, const double *sizes, double length, const d
 {
     for (int j = 0; j < n; j++) {
         if (!isfinite(length) && sizes[j] == 0.0) continue;
-        const double rounding = TEG_ROUNDING * sums[8 * j + 7], wanted = tol * (above[j] + floor);
-        if (!(sizes[j] * length <= (wanted > rounding ? wanted : rounding))) return 1;
+        if (!(sizes[j] * length <= teg_wanted(sums + 8 * j, above[j], tol, floor))) return 1;
     }
     return 0;
 }

@@ -71,38 +71,33 @@ class Features:
         at_0 = [cast(Expr, substitute(f, {x: ZERO})) for f in linear]
         return list(dict.fromkeys(div(mul(MINUS_ONE, c), slope(f, x)) for c, f in zip(at_0, linear, strict=True)))[:MAX_SCALES]
 
+    def exponentials(self, group: Sequence[Integral]) -> tuple[list[Expr], list[tuple[Expr, Expr]]]:
+        """Returns the rates of linear exponents in the integrands, and slope at 0 and curvature of the quadratic ones."""
+        pairs = dict.fromkeys(pair for _, pair in self._exponents(group))
+        linear = [rate for rate, curvature in pairs if curvature is ZERO]
+        return linear[:MAX_SCALES], [pair for pair in pairs if pair[1] is not ZERO][:MAX_SCALES]
+
     def tails(self, group: Sequence[Integral]) -> list[tuple[Expr, Expr]]:
         """Returns slope at 0 and curvature of the quadratic exponents that may be positive in the middle: the tail of such a Gaussian from
         an edge of its range may be large although the middle is not in it."""
+        x, inner = group[0].var, self.binders([i.body for i in group])
+        found: dict[tuple[Expr, Expr], None] = {}
+        for exponent, pair in self._exponents(group):
+            if pair[1] is not ZERO:
+                middle = div(mul(MINUS_ONE, pair[0]), pair[1])
+                if is_high(cast(Expr, substitute(self._at_ridge(exponent, inner), {x: middle}))):
+                    found[pair] = None
+        return list(found)[:MAX_SCALES]
+
+    def _exponents(self, group: Sequence[Integral]) -> Iterator[tuple[Expr, tuple[Expr, Expr]]]:
+        """Yields the linear and quadratic exponents in the integrands, with slope at 0 and curvature."""
         x, bodies = group[0].var, [i.body for i in group]
         inner = self.binders(bodies)
-        found: dict[tuple[Expr, Expr], None] = {}
         for node in postorder(bodies):
             if isinstance(node, Call) and node.name == "exp" and x in node.free:
                 pair = self.quadratic(node, x, inner)
-                if pair is not None and pair[1] is not ZERO:
-                    middle = div(mul(MINUS_ONE, pair[0]), pair[1])
-                    if is_high(cast(Expr, substitute(self._at_ridge(node.children[0], inner), {x: middle}))):
-                        found[pair] = None
-        return list(found)[:MAX_SCALES]
-
-    def exponentials(self, group: Sequence[Integral]) -> tuple[list[Expr], list[tuple[Expr, Expr]]]:
-        """Returns the rates of linear exponents in the integrands, and slope at 0 and curvature of the quadratic ones."""
-        x, bodies = group[0].var, [i.body for i in group]
-        inner = self.binders(bodies)
-        linear: dict[Expr, None] = {}
-        quadratic: dict[tuple[Expr, Expr], None] = {}
-        for node in postorder(bodies):
-            if not isinstance(node, Call) or node.name != "exp" or x not in node.free:
-                continue
-            pair = self.quadratic(node, x, inner)
-            if pair is None:
-                continue
-            if pair[1] is ZERO:
-                linear[pair[0]] = None
-            else:
-                quadratic[pair] = None
-        return list(linear)[:MAX_SCALES], list(quadratic)[:MAX_SCALES]
+                if pair is not None:
+                    yield node.children[0], pair
 
     def quadratic(self, node: Call, x: Var, inner: frozenset[Var]) -> tuple[Expr, Expr] | None:
         """Returns slope at 0 and curvature of the exponent of an exponential of a linear or quadratic polynomial; curvature ZERO for a
