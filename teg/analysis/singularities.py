@@ -30,6 +30,7 @@ from teg.analysis.calculus import slope
 from teg.analysis.extents import Extent, extent
 from teg.analysis.nest import Binder, Chain
 from teg.analysis.polynomial import Point, Shadow
+from teg.analysis.sharp import LARGE_POWER
 from teg.errors import NotDifferentiableError
 from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Call, Compare, Const, Expr, Mul, Param, Pow, Var, Where, const, is_infinite
 from teg.ir.integral import Integral
@@ -40,6 +41,9 @@ from teg.numerics.field import divided
 
 SMOOTH = math.inf
 """The roughness of an expression that has integer powers only."""
+PLAIN = 0.5
+"""The least roughness with a plain derivative, where g has degree 1 or 2: that of √g is 1/√g, which needs few evaluations. Beside a large
+power it needs many: bounds of what may hide between nodes are poor near 1/√g."""
 SINGULAR = frozenset(("sqrt", "root", "pow", "log", "asin", "acos"))
 _ODD = frozenset(("sin", "tan", "asin", "atan", "sinh", "tanh", "floor", "erf", "expm1", "log1p"))
 """Functions of order 1 at 0."""
@@ -257,10 +261,12 @@ class Field:
 
 
 def find_surfaces(weight: Expr, chain: Chain, rate_of: Callable[[Expr], Expr], keys: Keys) -> list[Surface] | None:
-    """Returns the surfaces of one integrand that must be carried along: singular ones of roughness between -1 and 1, if any of them moves.
+    """Returns the surfaces of one integrand that must be carried along, if any of them moves: those of roughness between -1 and 1 whose
+    plain derivative is not integrable, or not to all digits.
 
     None if a moving surface is too singular to be integrated.
     """
+    plain = 1.0 if any(isinstance(n, Pow) and n.exponent > LARGE_POWER for n in postorder([weight])) else PLAIN
     variables = {b.var for b in chain}
     box = numeric_box(chain)
     surfaces: dict[object, Surface] = {}
@@ -278,7 +284,7 @@ def find_surfaces(weight: Expr, chain: Chain, rate_of: Callable[[Expr], Expr], k
         roughness = order_at(weight, lambda e, key=key: _is(e, key, keys))[1]  # type: ignore[misc]
         if roughness <= -1.0 and rate is not ZERO:
             return None
-        if roughness < 1.0:
+        if roughness < (plain if all(Shadow((v,)).degree(g) in (1, 2) for v in mine) else 1.0):  # the distance from others is rounded
             try:
                 slopes = {v: slope(g, v) for v in sorted(mine, key=lambda v: v.name)}
                 surfaces[key] = Surface(g, rate, slopes, roughness, one_sided)

@@ -149,6 +149,14 @@ def test_the_derivative_of_a_sharp_highlight_by_its_light() -> None:
     assert f.grad(a=0.8, s=0.4, t=20)["s"] == pytest.approx(highlight(20, (0.4 + 1j * h, 0.9), 0.8).imag / h, rel=1e-9)
 
 
+@pytest.mark.parametrize("exponent", [20.0, 100.0])
+def test_the_derivative_of_a_sharp_highlight_by_the_radius(exponent: float) -> None:
+    """√(a² - x² - y²) has a plain derivative, which has no bound: that of its integral counts."""
+    f = teg.compile(lit_sphere(t), [a], backend="c")
+    expected = 2.0 * highlight(exponent, (0.4, 0.9), 0.8).real / 0.8
+    assert f.grad(a=0.8, s=0.4, t=exponent)["a"] == pytest.approx(expected, rel=1e-9)
+
+
 def test_a_sharp_highlight_whose_exponent_is_a_number() -> None:
     f = teg.compile(lit_sphere(20), [a], backend="c")
     value, gradient = f.value_and_grad(a=0.8, s=0.4)

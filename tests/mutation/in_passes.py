@@ -261,7 +261,12 @@ IN_PASSES: tuple[Mutant, ...] = (
         "teg/passes/lower/changes.py",
         ("tests/passes/lower/test_changes.py", "tests/end_to_end/test_moving_powers.py"),
         ("the range of what changes inside", "self.boxed), sub(high, low), rate)", "self.boxed), rate)"),
-        ("the rate of a change", 'return reduce(lambda a, b: call("max", a, b), sizes(rates, boxed))', "return const(1.0)"),
+        (
+            "the rate of a change",
+            'return reduce(lambda a, b: call("max", a, b), sizes(',
+            "return const(1.0) if rates else reduce(max, sizes(",
+        ),
+        ("bounds of integrable singularities", "if not -1.0 < exponent < 0.0 or g.has_integral:", "if True:"),
         ("a slope is a size", "if not (isinstance(node, Pow) or (isinstance(node, Call) and node.name in SIZES)):", "if False:"),
         ("a power beside its logarithm", "n.children[0] is base for n", "n.children[0] is node for n"),
     ),

@@ -3,6 +3,9 @@
 A power, an exponential or a cosh that is at most s in size on a box changes an integrand there by no more than s times the largest
 derivative by that node. The size of the whole integrand is no such bound: (u/r)²⁰ may be 10⁻³⁰ in a gap, beside a constant; and natural
 bounds of an inner integral are those of its whole range, although a ridge that leaves it at an end has a known size there.
+
+An integrable singularity, as 1/√g, has no bound, but its integral has one: what is nearer to g = 0 than NEAR_ROOT times the largest |g|
+holds a negligible part of it.
 """
 
 from __future__ import annotations
@@ -17,15 +20,17 @@ from teg.analysis.intervals import Enclosure
 from teg.analysis.sharp import range_of, sizes
 from teg.analysis.surfaces import binders_inside
 from teg.errors import NotDifferentiableError
-from teg.ir.expr import Call, Expr, Pow, Var, const
+from teg.ir.expr import Call, Const, Expr, Pow, Var, const
 from teg.ir.integral import Integral
-from teg.ir.node import postorder
+from teg.ir.node import Node, postorder
 from teg.ir.simplify import call, mul, sub
 from teg.ir.traverse import fresh, rewrite_below
 
 SIZES = ("pow", "exp", "cosh", "sinh")
 """Functions whose values are no larger than their sharp values, as those of powers."""
 _INFINITY = const(math.inf)
+NEAR_ROOT = 2.0**-48
+"""Where |g| is below this part of its largest value in a box, a power of it that is integrable counts as it is there."""
 
 
 class Changes:
@@ -71,4 +76,22 @@ class Changes:
             return _INFINITY
         if any(self.value in rate.free for rate in rates):
             return _INFINITY
-        return reduce(lambda a, b: call("max", a, b), sizes(rates, boxed))
+        bounded = rewrite_below(rates, lambda n: _bound_of_singular(n, boxed))
+        return reduce(lambda a, b: call("max", a, b), sizes([cast(Expr, bounded[rate]) for rate in rates], boxed))
+
+
+def _bound_of_singular(node: Node, boxed: Enclosure) -> Expr | None:
+    """Returns a bound of a power of g between -1 and 0 over a box, but for what is very near to g = 0; None for other nodes."""
+    match node:
+        case Pow(base=Call(name="sqrt" | "root") as root):
+            g, exponent = root.children[0], 0.5 * float(node.exponent)
+        case Pow(base=Call(name="pow", children=(g, Const() as k))):
+            exponent = k.data * float(node.exponent)
+        case Call(name="pow", children=(g, Const() as k)):
+            exponent = k.data
+        case _:
+            return None
+    if not -1.0 < exponent < 0.0 or g.has_integral:
+        return None
+    least, most = boxed.of(call("magnitude", g))
+    return call("pow", call("max", least, mul(const(NEAR_ROOT), most)), const(exponent))

@@ -12,7 +12,7 @@ bound. One copy of the integrand a root.
 from __future__ import annotations
 
 import math
-from collections.abc import Container, Sequence
+from collections.abc import Container, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import cast
@@ -25,7 +25,7 @@ from teg.analysis.singularities import SMOOTH, Keys, order_at, sharp_nodes, sing
 from teg.ir.expr import MINUS_ONE, ONE, TRUE, ZERO, Add, Call, Compare, Cond, Const, Expr, Mul, Pow, Var, Where, const, is_infinite
 from teg.ir.integral import Integral, integral_over, masses_of
 from teg.ir.node import Node, postorder
-from teg.ir.simplify import add, call, conjunction, disjunction, mul, positive, sub, where
+from teg.ir.simplify import add, call, conjunction, disjunction, integer_power, mul, positive, sub, where
 from teg.ir.traverse import fresh, rewrite, substitute
 
 MAX_CENTRES = 3
@@ -134,7 +134,7 @@ def _arguments(node: Integral, keys: Keys) -> list[_Argument]:
         roughness = order_at(body, lambda e, key=key: _is(e, key, keys))[1]  # type: ignore[misc]
         if roughness == SMOOTH or roughness <= -1.0 or (roughness > 0.0 and key not in in_powers):
             continue
-        roots = solve(g, x, node.lo, node.hi)
+        roots = solve(_as_in_conditions(g, node, keys), x, node.lo, node.hi)
         pair = None if roots is None or not roots.certain else _pair(g, x, roots.found)
         if pair is None:
             continue
@@ -142,12 +142,43 @@ def _arguments(node: Integral, keys: Keys) -> list[_Argument]:
         ends = [b for b in (node.lo, node.hi) if not is_infinite(b) and keys.vanishes(cast(Expr, substitute(g, {x: b})))]
         if len(points) != degree or points == [ZERO]:
             continue
+        known = next((p for p in _edges(node) if keys.vanishes(cast(Expr, substitute(g, {x: p})))), None)
+        if known is not None:
+            points = [known, sub(_sum_of_roots(g, x), known)][:degree]
         if len(ends) == degree:
             low, high, _ = _ascending(node.lo, node.hi)
             arguments[key] = _Argument(g, (low, high) if degree == 2 else tuple(ends), TRUE)
         else:
             arguments[key] = _Argument(g, tuple(points if degree == 1 else _sorted(*points)), exists)
     return list(arguments.values())
+
+
+def _edges(node: Integral) -> Iterator[Expr]:
+    """Yields the places where an integrand begins or ends, as they are written. A root at one of them must be that place to the last digit:
+    between p and √(4/p²)·p²/2 lies 1e-8 of ∫ (1 - x²/p²)^-½ dx."""
+    yield from (b for b in (node.lo, node.hi) if not is_infinite(b))
+    for n in postorder([node.body]):
+        if isinstance(n, Compare) and node.var in n.free and not n.g.has_integral and Shadow((node.var,)).degree(n.g) == 1:
+            roots = solve(n.g, node.var, node.lo, node.hi)
+            yield from (r.point for r in roots.found) if roots is not None else ()
+
+
+def _as_in_conditions(g: Expr, node: Integral, keys: Keys) -> Expr:
+    """Returns the quadratic function of a condition that is a multiple of g, by whatever has no x in it, or else g: their roots must be
+    equal to the last digit, as those of x² + y² < p² and of 1 - (x² + y²)/p²."""
+    x = node.var
+    curvature = slope(slope(g, x), x)
+    conditions = [n.g for n in postorder([node.body]) if isinstance(n, Compare) and x in n.g.free and not n.g.has_integral]
+    for h in conditions:
+        if Shadow((x,)).degree(h) == 2 and keys.vanishes(sub(mul(g, slope(slope(h, x), x)), mul(h, curvature))):
+            return h
+    return g
+
+
+def _sum_of_roots(g: Expr, x: Var) -> Expr:
+    """Returns the sum of the roots of a quadratic function."""
+    rate = slope(g, x)
+    return mul(const(-2.0), cast(Expr, substitute(rate, {x: ZERO})), integer_power(slope(rate, x), -1))
 
 
 def _sorted(first: Expr, second: Expr) -> tuple[Expr, Expr]:
@@ -162,15 +193,21 @@ def _sorted(first: Expr, second: Expr) -> tuple[Expr, Expr]:
 def _pair(g: Expr, x: Var, found: Sequence[Root]) -> tuple[list[Expr], Cond] | None:
     """Returns the roots and the condition that all of them exist; None if it is not one condition.
 
-    Of a quadratic with a constant in front of x², one root is missing only where its formula is 0/0: where it is the other one.
+    Of a quadratic whose coefficient of x² is not 0, one root is missing only where its formula is 0/0: where it is the other one.
     """
     points = [r.point for r in found]
     if all(r.exists is found[0].exists for r in found):
         return points, found[0].exists
-    if len(found) != 2 or not isinstance(slope(slope(g, x), x), Const):
+    if len(found) != 2 or not _is_never_zero(slope(slope(g, x), x)):
         return None
     first, second = found
     return [where(first.exists, *points), where(second.exists, *reversed(points))], disjunction(first.exists, second.exists)
+
+
+def _is_never_zero(e: Expr) -> bool:
+    """Returns whether an expression is a product of numbers and of powers with negative exponents, as 2/p²."""
+    factors = e.children if isinstance(e, Mul) else (e,)
+    return all(f.data != 0.0 if isinstance(f, Const) else isinstance(f, Pow) and f.exponent < 0 for f in factors)
 
 
 def _is_surface(e: Expr) -> bool:

@@ -48,6 +48,13 @@ def test_what_is_not_linear_in_a_node_has_no_bound() -> None:
         assert bound(body, power, 1e-9) == math.inf
 
 
+@pytest.mark.parametrize("singular", [1 / teg.sqrt(x - 0.25), (x - 0.25) ** -0.7, (0.5 - x) ** -0.5 + 3, (x * x - 0.0625) ** -0.25])
+def test_beside_an_integrable_singularity_the_bound_is_that_of_what_is_not_too_near_to_it(singular: teg.Expr) -> None:
+    power = (x - 0.3) ** 20
+    assert 1e-9 < bound(singular * power, power, 1e-9) < 100.0
+    assert bound((x - 0.25) ** -1.5 * power, power, 1e-9) == math.inf
+
+
 def test_a_slope_that_tells_of_a_step_is_no_size() -> None:
     step = teg.tanh(100 * x)
     assert bound(step, step, 1e-9) == math.inf

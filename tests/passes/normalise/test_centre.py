@@ -35,6 +35,17 @@ CASES: dict[str, tuple[teg.Expr, dict[str, float], float, dict[str, float]]] = {
     "at a bound that is not 0": (teg.integral((1 - x) ** -0.7 * p, (x, 0, 1)), {"p": 2.0}, 2 / 0.3, {"p": 1 / 0.3}),
     "reversed bounds": (teg.integral((x - p) ** -0.9, (x, 1, p)), {"p": 0.3}, -(0.7**0.1) / 0.1, {"p": 0.7**-0.9}),
     "arcsine law": (teg.integral(1 / teg.sqrt((x - p) * (1 - x)), (x, p, 1)), {"p": 0.3}, math.pi, {"p": 0.0}),
+    "a root that is a bound": (teg.integral(1 / teg.sqrt(1 - (x / p) ** 2), (x, 0, p)), {"p": 0.6}, 0.3 * math.pi, {"p": math.pi / 2}),
+    "a root that is an edge": (
+        teg.integral(teg.where(x < p, 1 / teg.sqrt(1 - (x / p) ** 2), 0), (x, 0, 1)), {"p": 0.6}, 0.3 * math.pi, {"p": math.pi / 2},
+    ),
+    "arcsine up to an edge": (
+        teg.integral(teg.where(x < p, teg.asin(x / p), 0), (x, 0, 1)), {"p": 0.7}, 0.7 * (math.pi / 2 - 1), {"p": math.pi / 2 - 1},
+    ),
+    "1/√ in a disk, by a multiple of its surface": (
+        teg.integral(teg.where(inside, 1 / teg.sqrt(1 - (x * x + y * y) / r**2), 0), *in_disk),
+        {"r": 1.1}, 2.42 * math.pi, {"r": 4.4 * math.pi},
+    ),
     "1/√ in a disk": (teg.integral(teg.where(inside, 1 / teg.sqrt(g), 0), *in_disk), {"r": 1.1}, 2.2 * math.pi, {"r": 2 * math.pi}),
     "a power in a disk": (
         teg.integral(teg.where(inside, g**-0.3, 0), *in_disk), {"r": 1.1}, math.pi / 0.7 * 1.1**1.4, {"r": 2 * math.pi * 1.1**0.4},
