@@ -51,9 +51,7 @@ def test_shaded_sphere(backend: str) -> None:
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
-@pytest.mark.parametrize(
-    ("body", "slope", "most"), [(HEIGHT, math.pi * 0.5**0.5, 15_000), (HEIGHT**3 * x**2, 0.2 * math.pi * 0.5**2.5, 0)]
-)
+@pytest.mark.parametrize(("body", "slope", "most"), [(HEIGHT, math.pi * 0.5**0.5, 15_000), (HEIGHT**3 * x**2, 0.2 * math.pi * 0.5**2.5, 0)])
 def test_the_gradient_by_the_radius_costs_little_more(backend: str, body: teg.Expr, slope: float, most: int) -> None:
     """1/√(a - x² - y²) is integrable: the surface is not carried along."""
     f = teg.compile(over_square(W(a > R2, body, 0)), [a], backend=backend)
