@@ -70,7 +70,7 @@ def run_demo(name: str, options: Mapping[str, Any]) -> int:
         print(f"teg: error: {' '.join((problem.what + hint).split())}", file=sys.stderr)
         return NOT_CONVERGED if isinstance(problem, AccuracyError) else BAD_INPUT
     except OSError as problem:
-        print(f"teg: error: {problem.filename or 'a file'}: {problem.strerror or problem}", file=sys.stderr)
+        print(f"teg: error: {problem.filename or 'the results cannot be written'}: {problem.strerror or problem}", file=sys.stderr)
         return BAD_INPUT
     for line in report["summary"]:
         print(line)
