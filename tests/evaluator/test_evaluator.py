@@ -172,6 +172,16 @@ def test_options_that_are_wrong(option: dict[str, Any]) -> None:
     assert caught.value.what
 
 
+def test_options_may_be_integers_of_numpy() -> None:
+    f = teg.compile(AREA, [t, a], backend="numpy", threads=np.int64(1), memory=np.int64(2**20), order=np.int64(8))  # type: ignore[arg-type]
+    assert f(t=0.5, a=2.0) == pytest.approx(0.75, rel=1e-14)
+
+
+def test_a_number_of_samples_that_is_wrong_is_told_by_its_own_name() -> None:
+    with pytest.raises(errors.OptionError, match="samples=0"):
+        teg.compile(AREA, [t, a], discontinuities="warp", samples=0)
+
+
 def test_unknown_directions(f: teg.Evaluator) -> None:
     at = {"t": 0.5, "a": 2.0}
     with pytest.raises(errors.ParameterError):
