@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 import teg
-from teg.errors import BackendError, MissingPackageError, OperandError, ParameterError
+from teg.errors import ArrayIndexError, BackendError, MissingPackageError, OperandError, ParameterError
 from teg.evaluator.plan import GRADIENT, VALUE, derivative_of_order
 
 jax = pytest.importorskip("jax")
@@ -222,6 +222,15 @@ def test_where_a_user_has_turned_jit_off(step: Callable[[Any, Any], Any]) -> Non
         mapped = jax.vmap(step, (0, None))(jnp.array([0.5, 1.0]), 1.1)
     close([value, slope], [(1.55**3 - 1) / 3.3, 1.55**2])  # ∫ (1 + ax)² from 0 to t, and the integrand at t
     close(mapped, (np.array([1.55, 2.1]) ** 3 - 1) / 3.3)
+
+
+@x64
+def test_a_range_of_negative_length_without_arrays() -> None:
+    k, n = teg.index("k"), teg.param("n")
+    f = teg.jax_function(teg.sum(t * k, (k, 0, n)), kernel="xla")
+    close(f(t=0.5, n=4), 3.0)
+    with pytest.raises(ArrayIndexError, match="negative length"):
+        f(t=0.5, n=-1)
 
 
 @x64
