@@ -40,6 +40,8 @@ def check_ranges(
     if any(_settled(program, integers, arrays, shapes, rough) for rough in (True, False)):
         return
     batched = [a.shape[0] for a, s in zip(arrays, shapes, strict=True) if a.ndim > len(s)]
+    if 0 in batched:  # a batch of no elements reads nothing
+        return
     for element in range(max([1, *(v.size for v in integers.values()), *batched])):
         values = {k: int(v.reshape(-1)[element if v.size > 1 else 0]) for k, v in integers.items()}
         _Exact(program, values, [_element(a, len(s), element) for a, s in zip(arrays, shapes, strict=True)]).block(program.body, {}, 1)

@@ -16,6 +16,7 @@ from teg.examples.options import DEMOS, OPTIONS, Demo, resolved
 
 BAD_INPUT, NOT_CONVERGED, INTERRUPTED = 2, 3, 130
 ABSENT: Any = argparse.SUPPRESS
+DEFAULT_BACKEND = "c if there is a C compiler, else numpy"
 
 
 def add_demos(demos: argparse._SubParsersAction[Any]) -> None:
@@ -41,7 +42,8 @@ def _add(parser: argparse.ArgumentParser, name: str, value: Any, demo: Demo) -> 
         parser.add_argument(_flag(name), action="store_true", help=option.help)
         return
     choices = {"backend": demo.backends, "discontinuities": demo.treatments}.get(name, option.choices)
-    default = f" ({demo.absent.get(name, '')})".replace(" ()", "") if value is None else f" ({value})"
+    absent = demo.absent.get(name) or (DEFAULT_BACKEND if name == "backend" else "")
+    default = f" ({absent})".replace(" ()", "") if value is None else f" ({value})"
     parser.add_argument(
         _flag(name),
         type=_choice if name == "discontinuities" else option.kind,
@@ -70,7 +72,7 @@ def run_demo(name: str, options: Mapping[str, Any]) -> int:
         print(f"teg: error: {' '.join((problem.what + hint).split())}", file=sys.stderr)
         return NOT_CONVERGED if isinstance(problem, AccuracyError) else BAD_INPUT
     except OSError as problem:
-        print(f"teg: error: {problem.filename or 'a file'}: {problem.strerror or problem}", file=sys.stderr)
+        print(f"teg: error: {problem.filename or 'the results cannot be written'}: {problem.strerror or problem}", file=sys.stderr)
         return BAD_INPUT
     for line in report["summary"]:
         print(line)

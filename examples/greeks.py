@@ -24,7 +24,7 @@ import numpy as np
 import teg
 from teg.errors import InputError
 from teg.evaluator.options import Backend, Discontinuities
-from teg.ir.expr import Expr
+from teg.ir.expr import Expr, Operand
 
 S, K, H, SIGMA, Q, TAU = PARAMETERS = teg.params("S K H sigma q tau")
 AT = {"S": 100.0, "K": 105.0, "H": 90.0, "sigma": 0.25, "q": 0.03, "tau": 0.5}
@@ -32,7 +32,7 @@ GREEKS = {"delta": ("S",), "gamma": ("S", "S"), "vega": ("sigma",), "vanna": ("S
 GREEKS |= {"theta": ("tau",), "charm": ("S", "tau"), "dual delta": ("K",)}
 """Derivatives of the price; theta and charm by the time that is left."""
 FAR = 10
-"""Standard deviations that count."""
+"""Standard deviations that count, on both sides of what the payoff weighs."""
 
 z, down = teg.vars("z down")
 
@@ -49,10 +49,14 @@ def barrier() -> Expr:
     root, drift = SIGMA * teg.sqrt(TAU), (Q / SIGMA - SIGMA / 2) * teg.sqrt(TAU)
     lowest = teg.minimum(z, 0) - down
     reach = z - 2 * lowest
-    joint = 2 * reach / math.sqrt(2 * math.pi) * teg.exp(-(reach**2) / 2 + drift * z - drift**2 / 2)
+
+    def joint(growth: Operand) -> Expr:
+        """Returns the density times exp(growth·z)."""
+        return 2 * reach / math.sqrt(2 * math.pi) * teg.exp(-(reach**2) / 2 + (drift + growth) * z - drift**2 / 2)
+
     alive = teg.bracket(S * teg.exp(root * lowest) > H) * teg.bracket(S * teg.exp(root * z) > K)
-    payoff = alive * (S * teg.exp(root * z) - K) * joint
-    return teg.exp(-Q * TAU) * teg.integral(payoff, (down, 0, FAR), (z, -FAR, FAR))
+    payoff = alive * (S * joint(root) - K * joint(0))
+    return teg.exp(-Q * TAU) * teg.integral(payoff, (down, 0, FAR), (z, drift - FAR, drift + root + FAR))
 
 
 def closed_form(name: str) -> Expr:

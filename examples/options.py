@@ -92,7 +92,7 @@ OPTIONS = {
         choices=("exact", "ignore", "smooth"),
     ),
     "alone": Option(bool, "without plain automatic differentiation beside it"),
-    "backend": Option(str, "c if there is a C compiler, else numpy", choices=BACKENDS),
+    "backend": Option(str, "what programs are compiled to", choices=BACKENDS),
     "resume": Option(bool, "go on from the checkpoint in DIR"),
     "out": Option(str, "folder of the results", "DIR"),
 }
@@ -218,6 +218,7 @@ DEMOS = {
         {"cells": 8, "epochs": 2},
         photo="astronaut",
         backends=("jax",),
+        absent={"backend": "jax"},
     ),
     "voronoi": Demo(
         "optimal transport to points",

@@ -67,7 +67,8 @@ def _read(path: Path) -> Image.Image:
 def _as_rgb(image: Image.Image) -> Image.Image:
     if image.mode.startswith(("I", "F")):  # more than 8 bits a pixel, of grey
         grey = np.nan_to_num(np.asarray(image, dtype=float)).clip(min=0)
-        white = 255 if grey.max() <= 255 else max(grey.max(), 65535)
+        fractions = image.mode == "F" and grey.max() <= 1
+        white = 1 if fractions else 255 if grey.max() <= 255 else max(grey.max(), 65535)
         image = Image.fromarray(np.rint(grey * (255 / white)).astype(np.uint8))
     if image.has_transparency_data:
         image = image.convert("RGBA")

@@ -20,6 +20,7 @@ from teg.ir.choices import all_ as all
 from teg.ir.choices import any_ as any
 from teg.ir.choices import maximum_of, minimum_of, nearest, prod
 from teg.ir.expr import Cond, Expr, Param, Tuple, Var
+from teg.ir.foreign_names import OTHER_NAMES, WRITTEN
 from teg.ir.function import Function, function
 from teg.ir.index import Index
 from teg.ir.latex import latex
@@ -109,26 +110,6 @@ __all__ = [
     "to_sympy", "torch_function", "tuple", "var", "vars", "where",
 ]  # fmt: skip
 
-_OTHER_NAMES = {
-    "integrate": "integral", "Integral": "integral", "heaviside": "bracket", "indicator": "bracket", "step": "bracket",
-    "max": "maximum", "min": "minimum", "select": "where", "if_else": "where", "cond": "where", "Piecewise": "where",
-    "arctan": "atan", "arctan2": "atan2", "arcsin": "asin", "arccos": "acos", "pow": "sqrt, and ** for powers", "ln": "log",
-    "gradient": "grad", "derivative": "diff", "variable": "var", "parameter": "param", "symbols": "vars and teg.params",
-    "product": "prod", "argmin": "nearest", "jit": "compile", "subs": "substitute", "lambdify": "compile", "eval": "evaluate",
-    "dirac": "delta", "Dirac": "delta", "sgn": "sign", "fabs": "abs", "jacobian": "grad, of a tuple",
-}  # fmt: skip
-"""What other packages call the names of this one, for the hint of an AttributeError."""
-
-_WRITTEN = {
-    "inf": "math.inf", "Inf": "math.inf", "infinity": "math.inf", "oo": "math.inf", "pi": "math.pi", "e": "math.e", "nan": "math.nan",
-    "clip": "teg.minimum(teg.maximum(u, lo), hi)", "clamp": "teg.minimum(teg.maximum(u, lo), hi)", "relu": "teg.maximum(u, 0)",
-    "power": "u**p", "square": "u**2", "hypot": "teg.sqrt(u**2 + v**2)", "log2": "teg.log(u) / math.log(2)",
-    "log10": "teg.log(u) / math.log(10)", "cbrt": "u**(1/3), for u >= 0", "argmax": "teg.nearest(k, -key, (k, 0, n))",
-    "logical_and": "c & d", "logical_or": "c | d", "logical_not": "~c", "vjp": "teg.compile(e).vjp(…)", "hvp": "teg.compile(e).hvp(…)",
-    "value_and_grad": "teg.compile(e).value_and_grad(…)",
-}  # fmt: skip
-"""What is written in this language where other packages have a name."""
-
 _MODULE_OF = {name: module for module, names in _LOADED_ON_FIRST_USE.items() for name in names}
 
 
@@ -137,7 +118,7 @@ def __getattr__(name: str) -> object:
     if name == "maps":
         return import_module("teg.maps")
     if name not in _MODULE_OF:
-        hint = f"; there is teg.{_OTHER_NAMES[name]}" if name in _OTHER_NAMES else f"; write {_WRITTEN[name]}" if name in _WRITTEN else ""
+        hint = f"; there is teg.{OTHER_NAMES[name]}" if name in OTHER_NAMES else f"; write {WRITTEN[name]}" if name in WRITTEN else ""
         raise AttributeError(f"module 'teg' has no attribute {name!r}{hint}", name=name, obj=sys.modules[__name__])
     value = globals()[name] = getattr(import_module(_MODULE_OF[name]), name)
     return value

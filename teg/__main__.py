@@ -44,8 +44,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print("teg: interrupted", file=sys.stderr)
         return INTERRUPTED
     except BrokenPipeError:  # `teg explain FILE | head`
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _close_output()
         return 1
+    except OSError as problem:  # a full disk
+        _close_output()
+        print(f"teg: error: cannot write the output: {problem.strerror or problem}", file=sys.stderr)
+        return FAILED
+
+
+def _close_output() -> None:
+    """Sends what is left of the output nowhere: its end would fail once more when Python closes it."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def chart_integration(options: argparse.Namespace) -> int:

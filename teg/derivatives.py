@@ -11,7 +11,7 @@ from typing import Any, TypeVar, overload
 
 from teg import pipeline
 from teg.analysis.bodies import write_all_out
-from teg.errors import ArrayIndexError, ParameterError
+from teg.errors import ArrayIndexError, OptionError, ParameterError
 from teg.ir import simplify
 from teg.ir.arrays import Array, arrays_of, has_arrays, integer_parameters
 from teg.ir.cells import check_indices
@@ -19,6 +19,7 @@ from teg.ir.expr import ONE, Cond, Expr, Operand, Param, Tuple, Var
 from teg.ir.operands import as_number
 from teg.ir.still import with_still_conditions
 from teg.ir.traverse import parameters
+from teg.maps.diffeomorphism import checked_maps
 from teg.passes.differentiate import through_sums as arrays
 from teg.passes.differentiate.through_sums import Parameter, on_cells, outlined, parameters_and_arrays
 from teg.passes.normalise.cuts import with_cuts
@@ -69,6 +70,7 @@ def jvp(e: Operand, direction: Mapping[Any, Any], maps: Maps = ()) -> Expr:
 
     Raises ParameterError for a direction along anything but parameters and variables.
     """
+    maps = _checked(maps)
     if not _with_arrays(e):
         return pipeline.jvp(e, direction, maps)
     variables = [p for p in direction if isinstance(p, Var)]
@@ -88,7 +90,7 @@ def grad(e: Operand, by: Sequence[Parameter | Var] | Parameter | Var | None = No
     is 1 at one place. Variables that are free in e may be among `by` (forward mode then), as in `teg.diff`. Raises as
     `teg.diff`, and ParameterError for a parameter that is listed twice.
     """
-    listed = [by] if isinstance(by, Var) else by
+    maps, listed = _checked(maps), [by] if isinstance(by, Var) else by
     if isinstance(listed, list | tuple) and any(isinstance(p, Var) for p in listed):
         return _by_each(e if isinstance(e, Tuple) else as_number(e), list(listed), maps)
     chosen: Any = listed
@@ -148,7 +150,7 @@ def hessian(e: Operand, by: Sequence[Param] | Param | None = None, maps: Maps = 
             None,
             "its product with a direction is: f.hvp(values, direction) of the compiled program; f.hessian(values) gives numbers",
         )
-    return pipeline.hessian(e, by, maps)
+    return pipeline.hessian(e, by, _checked(maps))
 
 
 @overload
@@ -162,9 +164,19 @@ def eliminate(e: Operand, maps: Maps = ()) -> Expr:
 
     Raises NoReparameterisationError for a surface that no family can reduce.
     """
+    maps = _checked(maps)
     if not _with_arrays(e):
         return pipeline.eliminate(e, maps)
     return _by_entry(e, lambda entry: arrays.on_cells(entry, partial(pipeline.normal_form, maps=maps)))
+
+
+def _checked(maps: object) -> Maps:
+    """Returns a list of maps. Raises OptionError for what is none, such as the order or the second parameter of a derivative."""
+    try:
+        return checked_maps(maps)
+    except OptionError as problem:
+        hint = "a second derivative is teg.diff(teg.diff(e, t), t), those by several parameters are teg.grad(e, [t, a])"
+        raise OptionError(problem.what, None, f"{hint}; {problem.hint}") from None
 
 
 def _with_arrays(e: object) -> bool:

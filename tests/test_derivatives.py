@@ -41,6 +41,17 @@ def test_the_derivative_by_a_variable() -> None:
     assert teg.diff(x, y) is teg.diff(x, t) is teg.substitute(x, {x: 0})
 
 
+@pytest.mark.parametrize(
+    "mistake",
+    [lambda: teg.diff(t**3, t, 2), lambda: teg.diff(t * a, t, a), lambda: teg.grad(t * a, t, a), lambda: teg.hessian(t * a, t, a)],
+)  # fmt: skip
+def test_an_order_or_a_second_parameter_is_no_list_of_maps(mistake: Any) -> None:
+    with pytest.raises(errors.OptionError) as caught:
+        mistake()
+    assert "teg.diff(teg.diff(e, t), t)" in caught.value.hint
+    assert "teg.grad(e, [t, a])" in caught.value.hint
+
+
 FUNCTIONS = ["sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "exp", "expm1", "log", "log1p", "sqrt", "erf", "erfc"]
 
 

@@ -133,7 +133,10 @@ def _flags_for(compiler: tuple[str, ...], flags: tuple[str, ...]) -> tuple[str, 
 
 
 def compile_library(text: str, target: Path, compiler: tuple[str, ...], flags: tuple[str, ...]) -> None:
-    """Compile `text` into `target`, without flags that the compiler does not know. Raises OSError if there is no room for the result."""
+    """Compile `text` into `target`, without flags that the compiler does not know.
+
+    Raises OSError if there is no room for the result, or its folder was removed meanwhile.
+    """
     source = target.with_suffix(".c")
     source.write_text(text, encoding="ascii")
     without: list[tuple[str, ...]] = [(), (NATIVE,), (OPENMP,), (NATIVE, OPENMP), LIGHT, (NATIVE, OPENMP, *LIGHT)]
@@ -144,6 +147,8 @@ def compile_library(text: str, target: Path, compiler: tuple[str, ...], flags: t
         try:
             done = subprocess.run(command, cwd=target.parent, env=environment, stdin=subprocess.DEVNULL, capture_output=True)
         except OSError as error:
+            if not target.parent.is_dir():  # the cache was cleared meanwhile
+                raise
             raise CompilerError("the C compiler cannot be run", shlex.join(command), str(error)) from error
         if done.returncode == 0 and target.exists():
             return
@@ -193,7 +198,7 @@ def _processor() -> str:
 
 
 def _store(folder: Path, text: str, compiler: tuple[str, ...], flags: tuple[str, ...], suffix: str = SUFFIX) -> Path:
-    """Build in a separate folder, rename into the cache; if that fails (a full disk) keep a private copy."""
+    """Build in a separate folder, rename into the cache; if that fails (a full disk, a cache that is cleared) keep a private copy."""
     try:
         return _store_under(folder, text, compiler, flags, suffix)
     except OSError:

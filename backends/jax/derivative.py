@@ -124,7 +124,15 @@ class Family:
         mapped = one
         for axes in reversed(batch):
             mapped = jax.vmap(mapped, in_axes=axes, out_axes=0)
-        return cast("Callable[..., tuple[Any, ...]]", jax.jit(once(mapped)))
+        spared = once(mapped)
+
+        def function(*operands: Any) -> Sequence[Any]:
+            lengths = _lengths(batch, operands)
+            if 0 in lengths:  # a batch of no elements
+                return tuple(jnp.zeros((*lengths, *own), dtype) for own in _own_shapes(self, order, batch, operands))
+            return spared(*operands)
+
+        return cast("Callable[..., tuple[Any, ...]]", jax.jit(function))
 
     # -- compiled kernels ----------------------------------------------------------------------------------------------
 
@@ -235,7 +243,7 @@ def _axes(kind: Any) -> frozenset[str]:
 
 
 def _run(*operands: Any, family: Family, order: int, batch: Batch, dtype: str) -> list[Any]:
-    with in_double_precision():
+    with in_double_precision(), jax.disable_jit(False):  # also where a user has turned jit off, which would end up here again
         return list(family.eager(order, batch, dtype)(*operands))
 
 

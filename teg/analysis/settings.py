@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from numbers import Integral, Real
-from typing import Any, Literal
+from typing import Any, Literal, TypeGuard
 
 from teg.analysis.isolation import MAX_ROOTS
 from teg.errors import OptionError
@@ -56,13 +56,13 @@ class Integration:
         if order is not None:
             most = MAX_ORDER if self.rule in ("auto", "adaptive", "gauss") else 2**35
             least = 4 if self.rule in ("auto", "adaptive") else 1  # with 4 nodes and more the error can be estimated
-            if not _is_whole(order) or not least <= order <= most:
+            if not is_whole(order) or not least <= order <= most:
                 meaning = f"order= is {RULES[self.rule]} with rule={self.rule!r}"
                 raise OptionError(f"order={order!r} is not a whole number from {least} to {most}", None, meaning)
             object.__setattr__(self, "order", int(order))
-        if not _is_whole(self.seed) or not 0 <= self.seed < 2**32:
+        if not is_whole(self.seed) or not 0 <= self.seed < 2**32:
             raise OptionError(f"seed={self.seed!r} is not a seed", None, "a whole number from 0 to 2³² - 1")
-        if not _is_whole(self.max_roots) or not 1 <= self.max_roots <= MOST_ROOTS:
+        if not is_whole(self.max_roots) or not 1 <= self.max_roots <= MOST_ROOTS:
             raise OptionError(f"max_roots={self.max_roots!r} is not a number of roots", None, "1 to 4096; each takes a place in the loops")
         if not isinstance(self.intrinsics, bool):
             raise OptionError(f"intrinsics={self.intrinsics!r} is not known", None, "True or False")
@@ -80,5 +80,6 @@ def with_more_room(how: Integration) -> Integration | None:
     return replace(how, max_roots=min(WIDER * how.max_roots, MOST_ROOTS)) if how.max_roots < MOST_ROOTS else None
 
 
-def _is_whole(value: Any) -> bool:
+def is_whole(value: object) -> TypeGuard[int]:
+    """Returns whether a value is an integer, of Python or NumPy."""
     return isinstance(value, Integral) and not isinstance(value, bool)

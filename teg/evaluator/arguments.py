@@ -54,7 +54,7 @@ class Call(NamedTuple):
             found &= usable(column)
         for array, own in zip(self.arrays, self.shapes, strict=True):
             good = usable(array)
-            found &= good.all() if array.ndim == len(own) else good.reshape(self.n, -1).all(axis=1)
+            found &= good.all() if array.ndim == len(own) else good.reshape(self.n, math.prod(own)).all(axis=1)
         return found
 
     def check(self, program: ArrayProgram) -> None:
@@ -114,7 +114,7 @@ def values_by_name(names: Sequence[str], args: tuple[Any, ...], named: Mapping[s
     """Returns the value given for each of the names. Raises ParameterError if one is missing, unknown or given twice."""
     given: dict[str, Any] = {}
     if len(args) == 1 and isinstance(args[0], Mapping):
-        given = {name_of(k): v for k, v in args[0].items()}
+        given = by_name(args[0])
     elif len(args) > len(names):
         raise ParameterError(f"{len(args)} values for {len(names)} parameters", None, _signature(names))
     else:
@@ -129,6 +129,17 @@ def values_by_name(names: Sequence[str], args: tuple[Any, ...], named: Mapping[s
     if missing := [k for k in names if k not in given]:
         raise ParameterError(f"no value for {', '.join(map(repr, missing))}", None, _signature(names))
     return given
+
+
+def by_name(values: Mapping[Any, Any]) -> dict[str, Any]:
+    """Returns values by the names of their keys, parameters or names. Raises ParameterError if two keys have one name."""
+    found: dict[str, Any] = {}
+    for key, value in values.items():
+        name = name_of(key)
+        if name in found:
+            raise ParameterError(f"the parameter {name!r} is given twice", None, "once by itself, and once by its name")
+        found[name] = value
+    return found
 
 
 def argument_order(every: Sequence[Param | ArrayName], wrt: Sequence[Param | ArrayName] | None) -> tuple[list[Param | ArrayName], int]:
@@ -166,7 +177,7 @@ def plain_numbers(names: Sequence[str], args: tuple[Any, ...], named: Mapping[st
     Else None: the general way then reads the call and reports mistakes. This is all that a call at one point needs, and fast.
     """
     if len(args) == 1 and isinstance(args[0], dict) and not named:
-        return plain_numbers(names, (), {name_of(k): v for k, v in args[0].items()})
+        return plain_numbers(names, (), by_name(args[0]))
     if args:
         found: Sequence[Any] = args
         if named or len(args) != len(names):

@@ -100,7 +100,7 @@ class BothSides:
         """Returns the second derivatives among results, (elements, numbers)."""
         import numpy as np
 
-        return np.concatenate([np.reshape(v, (len(v), -1)) for v in list(values)[self.which]], axis=1)
+        return np.concatenate([np.reshape(v, (len(v), math.prod(np.shape(v)[1:]))) for v in list(values)[self.which]], axis=1)
 
     def means(self, call: Call, rates: Rates) -> tuple[np.ndarray, np.ndarray]:
         """Returns the mean of both sides, and how far it changes with the distance."""

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from teg.errors import OptionError, ParameterError
+from teg.errors import OperandError, OptionError, ParameterError
 from teg.evaluator.evaluator import Evaluator
 
 if TYPE_CHECKING:
@@ -69,10 +69,13 @@ def check_gradient(f: Evaluator, *args: Any, tol: float = 1e-6, seed: int = 0, *
     Differences are good to some ten digits at best, and wrong where a step crosses a non-smooth point. `tol` is the largest error that
     passes.
 
-    Raises OptionError for an evaluator in single precision, ParameterError for a batch, and the errors of the call.
+    Raises OperandError for what is no evaluator, OptionError for one in single precision, ParameterError for a batch, and the errors of the
+    call.
     """
     import numpy as np
 
+    if not isinstance(f, Evaluator):
+        raise OperandError(f"a gradient is checked of a compiled function, not of {type(f).__name__}", f, "f = teg.compile(e)")
     if f.dtype != "float64":
         raise OptionError(
             f"a gradient is checked in float64, and this evaluator's results are {f.dtype}", None, "their differences are noise"

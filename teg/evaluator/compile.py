@@ -10,7 +10,7 @@ from typing import Any
 from teg.analysis.isolation import MAX_ROOTS
 from teg.analysis.settings import Integration, Rule
 from teg.errors import ParameterError
-from teg.evaluator.arguments import name_of, refuse_nested
+from teg.evaluator.arguments import by_name, refuse_nested
 from teg.evaluator.evaluator import Evaluator
 from teg.evaluator.options import (
     DEFAULT_TOLS,
@@ -145,7 +145,7 @@ def evaluate(e: Operand, values: Mapping[Any, Any] | None = None, *, backend: Ba
         hint = "teg.evaluate(e, {t: 0.5}), or by name: teg.evaluate(e, t=0.5)"
         raise ParameterError(f"values are given in a dict, not in {type(values).__name__} {values!r:.80}", None, hint)
     f = compile(e, backend=backend, **options)
-    given = {name_of(k): v for k, v in (values or {}).items()}
+    given = by_name(values or {})
     refuse_nested(given, f.parameters)
     for k, v in named.items():
         if k in given:

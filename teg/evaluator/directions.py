@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from teg.errors import ParameterError
-from teg.evaluator.arguments import as_entries, as_floats, name_of
+from teg.evaluator.arguments import as_entries, as_floats, by_name
 from teg.evaluator.plan import Wanted, directions_of
 from teg.ir.arrays import Array
 from teg.ir.expr import Param
@@ -54,7 +54,7 @@ class Directions:
         """Returns a direction by name. Raises ParameterError for a parameter by which no derivative is taken, or for what is no dict."""
         if not isinstance(direction, Mapping):
             raise ParameterError(f"a direction is a dict name -> number or array, and {direction!r:.80} was given")
-        moved, names = {name_of(k): v for k, v in direction.items()}, [p.name for p in self.wrt]
+        moved, names = by_name(direction), [p.name for p in self.wrt]
         if unknown := sorted(moved.keys() - set(names)):
             raise ParameterError(f"no derivative is taken by {unknown[0]!r}", None, "derivatives are taken by " + ", ".join(names))
         return moved

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 from teg.analysis.bodies import write_all_out
 from teg.errors import ArrayIndexError, EstimatorError, ParameterError
-from teg.evaluator.arguments import name_of, refuse_masked, refuse_nested
+from teg.evaluator.arguments import by_name, name_of, refuse_masked, refuse_nested
 from teg.evaluator.counting import Counting, zeros
 from teg.evaluator.kernels import dimensions_of
 from teg.evaluator.options import Options
@@ -59,7 +59,7 @@ class FrameworkFunction:
         )
         self._integers: tuple[Param, ...] = tuple(counted)
         self.parameters: tuple[str, ...] = tuple(name_of(p) for p in (*self._leaves, *self._integers))
-        self._fixed = {name_of(k): v for k, v in indices.items()}
+        self._fixed = by_name(indices)
         static = {p.name for p in self._integers} | {a.name for a in arrays if isinstance(a, IndexArray)}
         if unknown := [k for k in self._fixed if k not in static]:
             hint = "integer parameters and arrays of indices: " + (", ".join(sorted(static)) or "there are none")
@@ -84,7 +84,7 @@ class FrameworkFunction:
         if values is not None and not isinstance(values, Mapping):
             text = f"a {self.framework} function is called with a dict, name -> value"
             raise ParameterError(text, None, f"the parameters are {self._signature}")
-        given = {name_of(k): v for k, v in (values or {}).items()}
+        given = by_name(values or {})
         for source in (named, self._fixed):
             for k, v in source.items():
                 if k in given:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias, cast, get_args
 
-from teg.analysis.settings import DEFAULT_TOL, Integration
+from teg.analysis.settings import DEFAULT_TOL, Integration, is_whole
 from teg.errors import EstimatorError, OptionError
 from teg.maps.diffeomorphism import Diffeomorphism, checked_maps
 from teg.passes.differentiate.estimators.estimator import Estimator
@@ -62,14 +62,14 @@ class Options:
             raise OptionError(f"backend={backend!r} is not known", None, "one of: " + ", ".join(BACKENDS))
         if inaccurate not in INACCURATE:
             raise OptionError(f"inaccurate={inaccurate!r} is not known", None, "one of: " + ", ".join(map(repr, INACCURATE)))
-        if isinstance(threads, bool) or not isinstance(threads, int) or threads < 0:
+        if not is_whole(threads) or threads < 0:
             raise OptionError(f"threads={threads!r} is not a number of threads", None, "1, 2, …, or 0 for one a processor")
-        if not isinstance(memory, int) or memory < 2**16:
+        if not is_whole(memory) or memory < 2**16:
             raise OptionError(f"memory={memory!r} is not a number of bytes of at least 65536")
         if functions not in FUNCTIONS:
             raise OptionError(f"functions={functions!r} is not known", None, "one of: " + ", ".join(map(repr, FUNCTIONS)))
         self.dtype, self.functions = checked_dtype(dtype), functions
-        self.backend, self.threads, self.memory = backend, threads, memory
+        self.backend, self.threads, self.memory = backend, int(threads), int(memory)
         self.integration, self.inaccurate = integration, inaccurate
         self.estimator = discontinuities if isinstance(discontinuities, Estimator) else estimator_for(discontinuities, how=integration)
         self.maps, self.check_maps = checked_maps(maps), bool(check_maps)
@@ -88,6 +88,8 @@ def rule_for(estimator: Estimator, backend: str, rule: str, order: int | None, s
         rule = "montecarlo"
     if samples is None:
         return rule, order
+    if not is_whole(samples) or samples < 1:
+        raise OptionError(f"samples={samples!r} is not a number of samples", None, "a whole number above 0")
     if order is not None:
         raise OptionError("samples= and order= say the same", None, "give one of them")
     if rule not in ("montecarlo", "qmc"):

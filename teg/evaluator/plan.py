@@ -181,7 +181,7 @@ class Derivation:
         self.task = task
         self.entries = flatten(task.expression)
         self.first_only = not task.estimator.has_all_orders
-        self.has_loops = has_arrays(task.expression) or any(isinstance(p, ArrayName) for p in task.leaves) or bool(task.integers)
+        self.has_loops = _has_loops(task.expression, task.leaves, task.integers)
         self._outputs: Kept[tuple[Wanted, int | None], list[Expr]] = Kept()
         self._programs: Kept[tuple[Wanted, int | None, bool, Integration], Program | ArrayProgram] = Kept()
 
@@ -325,7 +325,8 @@ class Plan:
     ) -> None:
         self.expression, self.options = e, options
         self.wrt, self.leaves, self.integers = tuple(wrt), tuple(leaves), tuple(integers)
-        abstract, self.functions = with_slots(write_out(e)) if not has_arrays(e) else (with_sums_of_integers(e), ())
+        in_loops = _has_loops(e, self.leaves, self.integers)
+        abstract, self.functions = (with_sums_of_integers(e), ()) if in_loops else with_slots(write_out(e))
         how = options.integration, options.estimator, tuple(options.maps)
         source = None if source is None else with_sums_of_integers(source)
         self.derivation = _derivation(Task(abstract, self.wrt, self.leaves, self.integers, *how, source))
@@ -348,6 +349,11 @@ class Plan:
             return with_bodies(cast(Program, self.derivation.program(wanted, entry, errors, how)), self.functions)
 
         return self._linked.get((wanted, entry, errors, how), linked)
+
+
+def _has_loops(e: Expr, leaves: Sequence[Param | ArrayName], integers: Sequence[Param]) -> bool:
+    """Returns whether a program is one of loops. One that no longer reads its arrays is one too: they are arguments of its calls."""
+    return has_arrays(e) or any(isinstance(p, ArrayName) for p in leaves) or bool(integers)
 
 
 def _derivation(task: Task) -> Derivation:

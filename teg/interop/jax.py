@@ -248,10 +248,13 @@ class JaxFunction(FrameworkFunction):
         shapes: Sequence[tuple[int, ...]],
         known: Sequence[Any],
     ) -> None:
-        """Checks that every index is inside of its array, as far as index arrays are known. Raises ArrayIndexError."""
+        """Checks that every index is inside of its array and no range has a negative length, as far as index arrays are known.
+
+        Raises ArrayIndexError.
+        """
         import numpy as np
 
-        if not arrays or any(v is None for v in known):
+        if not (arrays or integers) or any(v is None for v in known):
             return
         from teg.backends.plan import check_ranges
 

@@ -30,7 +30,7 @@ from teg.ir.index import (
     show_index,
 )
 from teg.ir.node import Node, postorder
-from teg.ir.operands import as_number
+from teg.ir.operands import as_number, refuse_list
 
 MAX_DIMENSIONS = 8
 
@@ -242,9 +242,7 @@ def sum_(body: Operand, *ranges: Range) -> Expr:
         j, k = teg.index("j"), teg.index("k")
         teg.evaluate(teg.sum(j, (j, 0, k), (k, 0, 4)))      # 4.0: 0 + 0 + (0 + 1) + (0 + 1 + 2)
     """
-    if isinstance(body, tuple | list):
-        hint = "Python's sum(…) adds a list; teg.sum(V[k], (k, 0, n)) runs over an index"
-        raise OperandError(f"teg.sum takes one expression and the range of an index, not a Python {type(body).__name__}", None, hint)
+    refuse_list(body, "sum", "Python's sum(…) adds a list")
     e = body if isinstance(body, Tuple) else as_number(body)
     if not ranges:
         raise ScopeError("a sum needs an index and its range", e, "write teg.sum(e, (k, 0, n))")

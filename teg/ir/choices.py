@@ -20,7 +20,7 @@ from teg.ir import simplify
 from teg.ir.arrays import Range, Ranged, open_indices
 from teg.ir.expr import MINUS_ONE, Cond, Const, Expr, Operand, Tuple
 from teg.ir.index import Index, IndexConst, IndexVar, as_index, index_leaves
-from teg.ir.operands import as_condition, as_number
+from teg.ir.operands import as_condition, as_number, refuse_list
 from teg.ir.simplify import mul, negation
 
 NOTHING = ex.const(math.nan)
@@ -92,6 +92,7 @@ def any_(condition: Cond, *ranges: Range) -> Cond:
         f = teg.compile(teg.integral(teg.bracket(inside), (x, 0, 1), (y, 0, 1)))
         round(float(f(C=[[0.3, 0.3], [0.4, 0.4]])), 12)      # 0.07: the area of the union of two squares
     """
+    refuse_list(condition, "any", "c | d joins conditions")
     c = as_condition(condition)
     for k, lo, hi in _ranges(ranges, c, "any"):
         c = AnyOf.make((k, lo, hi), (c,))
@@ -107,6 +108,7 @@ def all_(condition: Cond, *ranges: Range) -> Cond:
         f = teg.compile(teg.bracket(teg.all(V[k] > 0, (k, 0, teg.length(V)))))
         float(f(V=[1.0, 2.0]))                               # 1.0
     """
+    refuse_list(condition, "all", "c & d joins conditions")
     return negation(any_(negation(as_condition(condition)), *ranges))
 
 
@@ -125,6 +127,7 @@ def prod(factor: Operand, *ranges: Range) -> Expr:
         value, gradient = f.value_and_grad(V=[2.0, 0.0, 5.0])
         gradient["V"].tolist()                               # [0.0, 10.0, 0.0]
     """
+    refuse_list(factor, "prod", "math.prod(…) multiplies a list")
     e = factor if isinstance(factor, Tuple) else as_number(factor)
     triples = _ranges(ranges, e, "prod")
     if isinstance(e, Tuple):

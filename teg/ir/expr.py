@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias, cast
 
 from teg.errors import ConditionError, OperandError
+from teg.ir.foreign_names import ours
 from teg.ir.node import Node
 from teg.numerics.error_function import inverse_erf, inverse_erfc
 
@@ -48,7 +49,8 @@ class Expr(Node):
         operate = _NUMPY_OPERATORS.get(ufunc.__name__)
         if operate is not None and method == "__call__" and not options:
             return cast("Expr | Cond", operate(*(as_number(i) if not isinstance(i, Expr) else i for i in inputs)))
-        raise OperandError(f"numpy.{ufunc.__name__} does not know expressions", self, f"use teg.{ufunc.__name__}, or the operators")
+        hint = f"write {ours(ufunc.__name__) or 'what it does with the operators and the functions of teg'}"
+        raise OperandError(f"numpy.{ufunc.__name__} does not know expressions", self, hint)
 
     def __add__(self, other: Operand) -> Expr:
         return binary(self, other, add)
@@ -134,6 +136,11 @@ class Expr(Node):
         def __call__(self, *_: object, **__: object) -> NoReturn:
             raise OperandError("an expression is not a function", self, "f = teg.compile(e), then f(t=0.5); or teg.evaluate(e, t=0.5)")
 
+    def __format__(self, spec: str) -> str:
+        if spec.endswith(tuple("eEfFgGn%")):
+            raise OperandError("an expression is not a number yet", self, "a number is given by teg.evaluate(e, {parameter: value})")
+        return format(str(self), spec)
+
     def __round__(self, digits: int | None = None) -> Expr:
         if digits is not None:
             raise OperandError("an expression is rounded to integers only", self, "write teg.round(e * 100) / 100 for two digits")
@@ -150,6 +157,11 @@ class Expr(Node):
 
     if not TYPE_CHECKING:
         __and__ = __rand__ = __or__ = __ror__ = _is_no_condition
+
+        def __xor__(self, _: object) -> NoReturn:
+            raise OperandError("^ is no operator of numbers", self, "write u**2 for a power")
+
+        __rxor__ = __xor__
 
     def __invert__(self) -> NoReturn:
         raise ConditionError("~ negates conditions, not numbers", self, "write ~(a < b), with the brackets")
@@ -343,7 +355,18 @@ class Cond(Node):
     if not TYPE_CHECKING:  # type checkers report these themselves
         __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = __truediv__ = __rtruediv__ = _is_no_number
         __pow__ = __rpow__ = __neg__ = __pos__ = __abs__ = __lt__ = __le__ = __gt__ = __ge__ = __float__ = _is_no_number
-    __array_ufunc__ = None
+
+        def __xor__(self, _: object) -> NoReturn:
+            raise ConditionError("^ does not join conditions", self, f"write {ours('logical_xor')}")
+
+        __rxor__ = __xor__
+
+    def __array_ufunc__(self, ufunc: Any, *_: object, **__: object) -> NoReturn:
+        """Raises ConditionError: no function of NumPy accepts conditions."""
+        if ufunc.__name__ in _NUMPY_OPERATORS:
+            self._is_no_number()
+        hint = f"write {ours(ufunc.__name__) or '& | ~ between conditions, or teg.bracket(condition) for 1 or 0'}"
+        raise ConditionError(f"numpy.{ufunc.__name__} does not know conditions", self, hint)
 
 
 class Truth(Cond):

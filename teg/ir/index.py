@@ -194,7 +194,7 @@ class ArrayName(Node):
                 raise ArrayIndexError(f"the index {place.data} of {self.name} is negative", self, hint)
         return subscripts
 
-    def _no_arithmetic(self, *_: object) -> NoReturn:
+    def _no_arithmetic(self, *_: object, **__: object) -> NoReturn:
         zeros = ", ".join("0" * self.dimensions)
         raise OperandError(
             f"{self.name} is an array, and arithmetic is on its entries", self, f"write {self.name}[{zeros}], or a teg.sum over indices"
@@ -203,8 +203,7 @@ class ArrayName(Node):
     if not TYPE_CHECKING:  # type checkers report these themselves
         __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = __truediv__ = __rtruediv__ = _no_arithmetic
         __mod__ = __rmod__ = __floordiv__ = __rfloordiv__ = __pow__ = __rpow__ = __lt__ = __le__ = __gt__ = __ge__ = _no_arithmetic
-        __neg__ = __float__ = __bool__ = __abs__ = __iter__ = __len__ = _no_arithmetic
-    __array_ufunc__ = None
+        __neg__ = __float__ = __bool__ = __abs__ = __iter__ = __len__ = __array_ufunc__ = _no_arithmetic
     _as_expression = _no_arithmetic
 
 

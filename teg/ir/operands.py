@@ -36,16 +36,33 @@ def as_number(value: object) -> Expr:
             return const(float(cast(Any, value)))
         except OverflowError:
             raise OperandError("a number is too large for floating point", None, "divide it out: the largest is about 1.8e308") from None
+        except TypeError:  # a tracer of JAX
+            hint = 'what is known only in a call is a parameter: teg.param("t"), and a function of JAX by teg.jax_function'
+            raise OperandError(f"{type(value).__name__} has no value while the program is being written", None, hint) from None
     if isinstance(value, tuple | list):
         kind = type(value).__name__
         raise OperandError(
             f"a Python {kind} is not an expression: {value!r:.80}", None, "several expressions are one by teg.tuple(e1, e2, …)"
         )
-    raise OperandError(
-        f"{type(value).__name__} is not a number or an expression: {value!r:.80}",
-        None,
-        "build programs from numbers, teg.param, teg.var; arrays of values are given when the compiled function is called",
-    )
+    raise OperandError(f"{type(value).__name__} is not a number or an expression: {value!r:.80}", None, _instead_of(value))
+
+
+def _instead_of(value: object) -> str:
+    """Returns the hint for a value that is no number."""
+    if value is None:
+        return "a bound without an end is math.inf or -math.inf; a function of Python without a return gives None"
+    if hasattr(value, "expression"):
+        return "it is compiled: f.expression is its expression"
+    if callable(value):
+        return "call it with its arguments: what it returns may be an expression"
+    return "build programs from numbers, teg.param, teg.var; arrays of values are given when the compiled function is called"
+
+
+def refuse_list(value: object, what: str, instead: str) -> None:
+    """Raises OperandError for a list, which functions of Python with such names take."""
+    if isinstance(value, tuple | list):
+        hint = f"{instead}; teg.{what}(V[k], (k, 0, n)) runs over an index"
+        raise OperandError(f"teg.{what} takes one expression and the range of an index, not a Python {type(value).__name__}", None, hint)
 
 
 def as_program(value: object) -> Node:

@@ -44,3 +44,5 @@ def test_calls_as_an_evaluator() -> None:
     assert teg.check_gradient(f, {"t": 0.7, "a": 0.4})
     with pytest.raises(teg.TegError):
         teg.check_gradient(f, t=0.7)
+    with pytest.raises(teg.TegError, match=r"teg\.compile\(e\)"):
+        teg.check_gradient(AREA, t=0.7, a=0.4)  # type: ignore[arg-type]

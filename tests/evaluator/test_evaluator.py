@@ -113,6 +113,21 @@ def test_batches_of_every_kind_of_number(f: teg.Evaluator) -> None:
     np.testing.assert_allclose(f(t=strided, a=1.0), value(strided, 1.0), rtol=1e-14)
 
 
+@pytest.mark.parametrize("values", [{t: [], a: 2.0}, {t: np.zeros((0, 3)), a: np.ones(3)}], ids=["a list", "two axes"])
+def test_a_batch_of_no_elements(f: teg.Evaluator, values: dict[Any, Any]) -> None:
+    shape = np.shape(values[t])
+    assert f(values).shape == f.value_and_error(values)[1].shape == f.hessian(values)["t", "a"].shape == shape
+    assert f.hvp(values, {"t": 1.0})["a"].shape == f.grad(values)["t"].shape == shape
+    assert f.diagnose(values) == []
+
+
+def test_a_batch_of_no_elements_of_empty_arrays() -> None:
+    V, k = teg.array("V"), teg.index("k")
+    f = teg.compile(teg.sum(V[k] * t, (k, 0, teg.length(V))), backend="numpy")
+    value, slopes = f.value_and_grad(t=[], V=np.zeros((0, 0)))
+    assert (value.shape, slopes["t"].shape, slopes["V"].shape) == ((0,), (0,), (0, 0))
+
+
 def test_inputs_are_not_changed(f: teg.Evaluator) -> None:
     ts = np.linspace(0, 1, 5)
     before = ts.copy()
@@ -136,6 +151,7 @@ def test_inputs_are_not_changed(f: teg.Evaluator) -> None:
         ((), {"t": None, "a": 1.0}),
         ((), {"t": [0.1, 0.2], "a": [1.0, 2.0, 3.0]}),
         ((), {"t": [[0.1], [0.2, 0.3]], "a": 1.0}),
+        (({"t": 0.5, t: 0.6, "a": 1.0},), {}),
     ],
 )
 def test_calls_that_are_wrong(f: teg.Evaluator, args: tuple[Any, ...], named: dict[str, Any]) -> None:
@@ -154,6 +170,16 @@ def test_options_that_are_wrong(option: dict[str, Any]) -> None:
     with pytest.raises(errors.OptionError) as caught:
         teg.compile(AREA, [t, a], **option)
     assert caught.value.what
+
+
+def test_options_may_be_integers_of_numpy() -> None:
+    f = teg.compile(AREA, [t, a], backend="numpy", threads=np.int64(1), memory=np.int64(2**20), order=np.int64(8))  # type: ignore[arg-type]
+    assert f(t=0.5, a=2.0) == pytest.approx(0.75, rel=1e-14)
+
+
+def test_a_number_of_samples_that_is_wrong_is_told_by_its_own_name() -> None:
+    with pytest.raises(errors.OptionError, match="samples=0"):
+        teg.compile(AREA, [t, a], discontinuities="warp", samples=0)
 
 
 def test_unknown_directions(f: teg.Evaluator) -> None:

@@ -200,6 +200,13 @@ def test_a_choice_among_data_has_nodes_in_the_cells_of_all_candidates() -> None:
     assert set(np.argmin(((points[:, None] - sites) ** 2).sum(axis=-1), axis=1)) == {0, 1}
 
 
+def test_a_choice_from_no_data_has_the_nodes_of_what_stands_there() -> None:
+    e = teg.integral(teg.nearest(V[k, 1], (x - V[k, 0]) ** 2, (k, 0, teg.length(V)), otherwise=3.0), (x, 0, 1))
+    points, weights = teg.compile(e, backend="numpy").nodes(V=np.zeros((0, 2)))
+    assert weights.sum() == pytest.approx(3.0, rel=1e-13)
+    assert weights @ points[:, 0] == pytest.approx(1.5, rel=1e-13)
+
+
 def test_what_is_computed_outside_of_a_loop_keeps_its_origin_and_ties_have_both_orders() -> None:
     inner = teg.integral(teg.bracket(x < t) * teg.bracket(x < a), (x, 0, 1))
     f = teg.compile(teg.sum(W[k] * inner, (k, 0, teg.length(W, 0))), [t], backend="numpy")

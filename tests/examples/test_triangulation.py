@@ -291,6 +291,10 @@ def test_a_photo_is_cropped_turned_and_laid_on_white(tmp_path: Path) -> None:
     deep.save(tmp_path / "deep.png")
     assert read_target(tmp_path / "deep.png", 8) == pytest.approx(0.5, abs=0.01)
 
+    for white in (1.0, 255.0, 65535.0):
+        Image.fromarray(np.linspace(0.0, white, 64, dtype=np.float32).reshape(8, 8)).save(tmp_path / "numbers.tif")
+        assert read_target(tmp_path / "numbers.tif", 8)[-1, :, 0] == pytest.approx(np.arange(56, 64) / 63, abs=0.01)
+
     for mode in ("1", "L", "LA", "P", "CMYK"):
         path = tmp_path / f"mode.{'tif' if mode == 'CMYK' else 'png'}"
         Image.new(mode, (9, 9)).save(path)

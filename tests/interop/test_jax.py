@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 import teg
-from teg.errors import BackendError, MissingPackageError, ParameterError
+from teg.errors import ArrayIndexError, BackendError, MissingPackageError, OperandError, ParameterError
 from teg.evaluator.plan import GRADIENT, VALUE, derivative_of_order
 
 jax = pytest.importorskip("jax")
@@ -204,6 +204,40 @@ def test_batches_broadcast() -> None:
     mapped = jax.vmap(jax.vmap(lambda s, b: f(t=s, a=b), (0, None)), (None, 0))(many[:, 0], rates[0])
     close(mapped, exact(t=many, a=rates).T)
     assert f(t=jnp.zeros((0, 3)), a=1.0).shape == (0, 3)
+
+
+@x64
+@pytest.mark.parametrize("kernel", ["c", "xla"])
+def test_batches_of_no_elements(kernel: str) -> None:
+    f = teg.jax_function(TRIANGLE, kernel=kernel)
+    assert f(t=jnp.zeros((0, 3)), a=jnp.ones(3)).shape == (0, 3)
+    slopes = jax.vmap(jax.grad(lambda s, b: f(t=s, a=b), (0, 1)), (0, None))(jnp.zeros(0), 2.0)
+    assert [s.shape for s in slopes] == [(0,), (0,)]
+
+
+@x64
+def test_where_a_user_has_turned_jit_off(step: Callable[[Any, Any], Any]) -> None:
+    with jax.disable_jit():
+        value, slope = jax.value_and_grad(step)(0.5, 1.1)
+        mapped = jax.vmap(step, (0, None))(jnp.array([0.5, 1.0]), 1.1)
+    close([value, slope], [(1.55**3 - 1) / 3.3, 1.55**2])  # ∫ (1 + ax)² from 0 to t, and the integrand at t
+    close(mapped, (np.array([1.55, 2.1]) ** 3 - 1) / 3.3)
+
+
+@x64
+def test_a_range_of_negative_length_without_arrays() -> None:
+    k, n = teg.index("k"), teg.param("n")
+    f = teg.jax_function(teg.sum(t * k, (k, 0, n)), kernel="xla")
+    close(f(t=0.5, n=4), 3.0)
+    with pytest.raises(ArrayIndexError, match="negative length"):
+        f(t=0.5, n=-1)
+
+
+@x64
+def test_a_tracer_is_no_number_of_a_program() -> None:
+    with pytest.raises(OperandError, match=r"teg\.param") as caught:
+        jax.jit(lambda s: teg.evaluate(teg.integral(teg.bracket(x < s), (x, 0, 1))))(0.5)
+    assert "teg.jax_function" in caught.value.hint
 
 
 @x64

@@ -374,6 +374,16 @@ def test_arguments_have_names_that_python_takes_as_keywords(wrong: str) -> None:
         (lambda: max(x, t), errors.ConditionError, "teg.maximum"),  # type: ignore[type-var]
         (lambda: min(x, 1), errors.ConditionError, "teg.minimum"),  # type: ignore[type-var]
         (lambda: teg.integral(x, (x, 0, 1), (x, 0, 2)), errors.ScopeError, "another variable"),
+        (lambda: teg.integral(x, (x, None, 1)), errors.OperandError, "math.inf"),  # type: ignore[arg-type]
+        (lambda: t ^ 2, errors.OperandError, "u**2"),  # type: ignore[operator]
+        (lambda: 2 ^ t, errors.OperandError, "u**2"),  # type: ignore[operator]
+        (lambda: (t < a) ^ (t > 0), errors.ConditionError, "(c & ~d) | (~c & d)"),  # type: ignore[operator]
+        (lambda: f"{t * t:.3f}", errors.OperandError, "teg.evaluate"),
+        (lambda: teg.integral(lambda x: x, (x, 0, 1)), errors.OperandError, "call it"),  # type: ignore[call-overload]
+        (lambda: teg.diff(teg.compile(t * t), t), errors.OperandError, "f.expression"),  # type: ignore[call-overload]
+        (lambda: teg.prod([t, a]), errors.OperandError, "math.prod"),  # type: ignore[call-overload]
+        (lambda: teg.any([t < a]), errors.OperandError, "c | d"),  # type: ignore[arg-type]
+        (lambda: teg.all([t < a]), errors.OperandError, "c & d"),  # type: ignore[arg-type]
     ],
 )
 def test_hints_name_what_to_write(mistake: Callable[[], object], kind: type[errors.TegError], hint: str) -> None:

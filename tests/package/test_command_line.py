@@ -191,6 +191,14 @@ def test_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.C
     assert "TEG_CACHE_SIZE" in capsys.readouterr().err
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="a device of Linux")
+def test_an_output_on_a_full_disk_is_told_without_a_traceback() -> None:
+    with Path("/dev/full").open("w") as full:
+        run = subprocess.run([sys.executable, "-m", "teg", "chart"], stdout=full, stderr=subprocess.PIPE, text=True)
+    assert run.returncode == 2
+    assert run.stderr == "teg: error: cannot write the output: No space left on device\n"
+
+
 def test_an_integral_that_does_not_converge(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "endless.py"
     path.write_text("import teg\nx = teg.var('x')\nteg.evaluate(teg.integral(1 / x**2, (x, 0, 1)), {}, inaccurate='raise')\n")

@@ -13,6 +13,7 @@ from types import ModuleType
 import pytest
 
 import teg
+from teg.ir.foreign_names import OTHER_NAMES, WRITTEN
 
 
 def test_dir_shows_the_public_names_and_nothing_else() -> None:
@@ -36,19 +37,19 @@ def test_a_name_that_is_not_there_is_an_attribute_error() -> None:
         teg.integrate  # type: ignore[attr-defined]  # noqa: B018
 
 
-@pytest.mark.parametrize("name", teg._OTHER_NAMES)
+@pytest.mark.parametrize("name", OTHER_NAMES)
 def test_a_name_of_another_package_leads_to_ours(name: str) -> None:
     assert name not in teg.__all__
-    assert all(ours in teg.__all__ for ours in re.findall(r"(?<=teg\.)\w+", "teg." + teg._OTHER_NAMES[name]))
-    with pytest.raises(AttributeError, match=re.escape(f"; there is teg.{teg._OTHER_NAMES[name]}")):
+    assert all(ours in teg.__all__ for ours in re.findall(r"(?<=teg\.)\w+", "teg." + OTHER_NAMES[name]))
+    with pytest.raises(AttributeError, match=re.escape(f"; there is teg.{OTHER_NAMES[name]}")):
         getattr(teg, name)
 
 
-@pytest.mark.parametrize("name", teg._WRITTEN)
+@pytest.mark.parametrize("name", WRITTEN)
 def test_a_name_of_another_package_leads_to_what_is_written_here(name: str) -> None:
-    assert name not in {*teg.__all__, *teg._OTHER_NAMES}
-    assert all(ours in teg.__all__ for ours in re.findall(r"(?<=teg\.)\w+", teg._WRITTEN[name]))
-    with pytest.raises(AttributeError, match=re.escape(f"; write {teg._WRITTEN[name]}")):
+    assert name not in {*teg.__all__, *OTHER_NAMES}
+    assert all(ours in teg.__all__ for ours in re.findall(r"(?<=teg\.)\w+", WRITTEN[name]))
+    with pytest.raises(AttributeError, match=re.escape(f"; write {WRITTEN[name]}")):
         getattr(teg, name)
 
 

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -126,6 +127,19 @@ def test_an_entry_of_the_right_digest_that_cannot_be_loaded_is_rebuilt(cache: Pa
     fake.rename(entry.with_name(c_cache.digest_of(fake) + c_cache.SUFFIX))
     run()
     assert [path.name for path in entries(cache)] == [entry.name]
+
+
+def test_a_cache_that_is_cleared_during_a_build_is_no_mistake(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    started = subprocess.run
+
+    def cleared_first(*command: Any, **options: Any) -> Any:
+        if cache in Path(options.get("cwd", "/")).parents:
+            c_cache.clear(cache)
+        return started(*command, **options)
+
+    monkeypatch.setattr(subprocess, "run", cleared_first)
+    assert answer(8) == 8
+    assert not entries(cache)
 
 
 def test_what_a_killed_build_left_is_removed_after_a_day(cache: Path) -> None:
