@@ -392,6 +392,13 @@ IN_PASSES: tuple[Mutant, ...] = (
         "if False:",
         ("tests/passes/lower/test_gaussian.py",),
     ),
+    *mutants(
+        "teg/passes/lower/gaussian.py",
+        ("tests/passes/lower/test_gaussian.py",),
+        ("moments of a high degree", "MOST_DEGREE = 8", "MOST_DEGREE = 3"),
+        ("short pieces of high moments", "few = degree <= CUBIC", "few = True"),
+        ("tails of high moments", "RISE * max(0, degree - CUBIC)", "0.0"),
+    ),
     Mutant(
         "exponentials between edges that meet",
         "teg/analysis/centres.py",
