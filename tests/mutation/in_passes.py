@@ -272,9 +272,15 @@ IN_PASSES: tuple[Mutant, ...] = (
         ("tails beside surfaces", "self._tails(group, (lo, hi, *surfaces), home)", "self._tails(group, (lo, hi), home)"),
     ),
     *mutants(
+        "teg/passes/lower/pieces.py",
+        ("tests/passes/lower/test_pieces.py",),
+        ("the part of a line where a Gaussian counts", "is_bell = is_unbounded(group[0]) and", "is_bell = False and"),
+    ),
+    *mutants(
         "teg/analysis/centres.py",
         ("tests/passes/lower/test_gaussian.py",),
         ("tails from outside", "for edge in edges if c.high else ():", "for edge in ():"),
+        ("many surfaces of a density", "MAX_MET = 64", "MAX_MET = 8"),
         ("a Gaussian of at most 1", "return not (is_null(exponent) or", "return not (False or"),
     ),
     *mutants(

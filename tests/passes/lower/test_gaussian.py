@@ -107,6 +107,15 @@ def test_the_place_of_a_density_that_a_line_divides() -> None:
     assert gradient["m"] == pytest.approx(-1 / 0.7, abs=1e-11)
 
 
+@pytest.mark.parametrize("width", [1e-2, 1e-4])
+def test_a_density_that_many_lines_divide(width: float) -> None:
+    """Each of twelve lines has a layer of its own in y. Their distances stay as m moves: the first piece loses what the last one gains."""
+    factors = [1 - 0.05 * (i + 1) for i in range(12)]
+    steps = math.prod((teg.where(x + y < 0.1 + 0.07 * i, 1.0, c) for i, c in enumerate(factors)), start=DENSITY)
+    f = teg.compile(teg.integral(steps, (x, -1, 1), (y, 0, 1)), [m], backend="numpy")
+    assert f.grad(m=0.02, s=width)["m"] == pytest.approx(math.prod(factors) - 1, rel=1e-10)
+
+
 @pytest.mark.parametrize("width", [1e-4, 1e-6])
 def test_derivatives_of_an_expectation_by_place_and_width(width: float) -> None:
     """All of a density lies inside: the mean of x is m, and the terms of size 1/s cancel."""
