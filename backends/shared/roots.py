@@ -36,7 +36,8 @@ def examined(xp: Any, bounds: Any, middle: tuple[Any, Any], h: Any, ends: Ends) 
     reach = xp.where(bounded, h * xp.maximum(xp.abs(slowest), xp.abs(fastest)), xp.inf)
     away = (least > 0.0) | (most < 0.0) | (xp.abs(g) - reach > xp.where(xp.isfinite(noise), noise, 0.0))
     away = away | (xp.isnan(least) & xp.isnan(most) & xp.isnan(g))
-    open_ = (changes | ~away) & ~((slowest == 0.0) & (fastest == 0.0))
+    level = ((slowest == 0.0) & (fastest == 0.0)) | ((least == 0.0) & (most == 0.0))
+    open_ = (changes | ~away) & ~level
     below, above, down, up = least == -xp.inf, most == xp.inf, slowest == -xp.inf, fastest == xp.inf
     monotone = open_ & ((slowest > 0.0) | (fastest < 0.0)) & known & ~(below & above & (down | up))
     bent = open_ & ~monotone & ((bent_down > 0.0) | (bent_up < 0.0)) & known & sloped & ~((below | above) & down & up)

@@ -37,7 +37,7 @@ from teg.ir.traverse import substitute
 
 MAX_CENTRES = 4
 """The largest number of centres of one integral."""
-MAX_MET = 8
+MAX_MET = 64
 """The largest number of places where those of inner integrals meet something."""
 NARROW = 1 / 64
 """The width, as a part of a finite range, from which nodes see a centre anyway."""

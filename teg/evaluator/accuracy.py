@@ -61,8 +61,9 @@ def report_missed(
         if beside is not None:
             scale = np.where(scale <= _largest(estimates), _largest(_rows(beside)), scale)
         excess = estimates / (tol * np.maximum(scale, FLOOR))
-    endless = ~np.isfinite(results) & call.elements(np.isfinite)
-    excess = np.where(endless, np.inf, np.where(np.isnan(excess), 0.0, excess))
+    known = call.elements(np.isfinite)
+    endless = ~np.isfinite(results) & known
+    excess = np.where(endless | (np.isnan(estimates) & known), np.inf, np.where(np.isnan(excess), 0.0, excess))
     if not excess.size or not excess.max() > SLACK:
         return False
     i, j = map(int, np.unravel_index(int(np.argmax(excess)), excess.shape))

@@ -174,14 +174,14 @@ class Isolate:
     right, and `noise`, how far rounding may move g at ½(left + right). Where `when` fails, or lo = hi, every result is +inf; an infinite
     or NaN bound makes every result NaN.
 
-    The box (lo, hi) is halved up to ISOLATE_DEPTH times. A box that changes sign is kept, whatever rounded bounds say, unless g is
-    constant there; another one is dropped if its bounds, or the mean value theorem, exclude a root, or if g is not defined there. A
-    monotone box has one root if it changes sign, else none, unless it may hold a pole where g changes its sign: g₋, g₊ and one of d₋, d₊
-    are infinite. So has a convex or concave one, unless g₋ or g₊ and both d₋ and d₊ are infinite, or it turns between its ends, towards 0;
-    then, t being where g′ = 0, it has the root t twice (a tangency) if |g(t)| <= noise, two roots if g(t) lies beyond 0, else none. A box
-    in which g cannot be told from 0, |g(m)| + h·|g′(m)| + ½h²·max(|c₋|, |c₊|) <= noise, or that was halved so often, is *undecided*:
-    those that share an end are joined, and give the root in the middle, once if g changes sign, twice if not, and none at the border of
-    where g is defined.
+    The box (lo, hi) is halved up to ISOLATE_DEPTH times. A box that changes sign is kept, whatever rounded bounds say, unless g is constant
+    there, d₋ = d₊ = 0, or 0, g₋ = g₊ = 0; another one is dropped if its bounds, or the mean value theorem, exclude a root, or if g is not
+    defined there. A monotone box has one root if it changes sign, else none, unless it may hold a pole where g changes its sign: g₋, g₊ and
+    one of d₋, d₊ are infinite. So has a convex or concave one, unless g₋ or g₊ and both d₋ and d₊ are infinite, or it turns between its
+    ends, towards 0; then, t being where g′ = 0, it has the root t twice (a tangency) if |g(t)| <= noise, two roots if g(t) lies beyond 0,
+    else none. A box in which g cannot be told from 0, |g(m)| + h·|g′(m)| + ½h²·max(|c₋|, |c₊|) <= noise, or that was halved so often, is
+    *undecided*: those that share an end are joined, and give the root in the middle, once if g changes sign, twice if not, and none at the
+    border of where g is defined.
 
     Roots are found by Newton's method, kept inside by bisection, to a step of 2⁻⁵²·|v| or ISOLATE_STEPS steps. The error of a root is
     half of a joined box, √(2·noise/|g″(t)|) for a tangency, else 0; if one is more than tol·|hi - lo| the tolerance was missed. At roots

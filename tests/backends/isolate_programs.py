@@ -16,6 +16,7 @@ from tests.backends.isolate_surfaces import (
     kink,
     line,
     numbered,
+    ramps,
     root,
     square,
     sum_over,
@@ -70,6 +71,7 @@ ROOTS = (
     roots_of("zero everywhere: no root is isolated", ZERO, (), (INF, INF)),
     roots_of("undefined everywhere", UNDEFINED, (), (INF, INF)),
     roots_of("bounds that exclude 0", NOWHERE_ZERO, (), (INF, INF)),
+    roots_of("0 on a part of the range", ramps("p0"), ((1.0, 0.75),), ((0.0, 0.0), (2.0, 1.5), INF), 2, tolerance=NEAR),
     roots_of(
         "a square: two roots, a tangency, none",
         square("p0", "p1"),

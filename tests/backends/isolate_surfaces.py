@@ -186,6 +186,34 @@ def kink(p: Arg, c: Arg = 0.0) -> Surface:
     )
 
 
+def ramps(p: Arg) -> Surface:
+    """max(0, x) - 2·max(0, x - p), 0 for x <= 0; nothing is known of its slope."""
+    return Surface(
+        (
+            let("val", "max", 0.0, "x0l"),
+            let("var", "max", 0.0, "x0r"),
+            let("vl", "sub", "x0l", p),
+            let("vr", "sub", "x0r", p),
+            let("vbl", "max", 0.0, "vl"),
+            let("vbr", "max", 0.0, "vr"),
+            let("vbl2", "mul", 2.0, "vbl"),
+            let("vbr2", "mul", 2.0, "vbr"),
+            let("vlow", "sub", "val", "vbr2"),
+            let("vhigh", "sub", "var", "vbl2"),
+        ),
+        ("vlow", "vhigh", NAN, NAN),
+        (
+            let("va", "max", 0.0, "x0"),
+            let("vx", "sub", "x0", p),
+            let("vb", "max", 0.0, "vx"),
+            let("vb2", "mul", 2.0, "vb"),
+            let("vg", "sub", "va", "vb2"),
+        ),
+        "vg",
+        NAN,
+    )
+
+
 def root(p: Arg, strict: bool = False) -> Surface:
     """√x - p, NaN for x < 0; `strict` bounds are NaN if any x is negative."""
     mean = (let("vlow", "min", "va", "vb"), let("vhigh", "max", "va", "vb")) if strict else ()

@@ -11,7 +11,8 @@ import pytest
 
 import teg
 from teg.errors import AccuracyError
-from teg.evaluator.accuracy import AccuracyWarning
+from teg.evaluator.accuracy import AccuracyWarning, report_missed
+from teg.evaluator.arguments import Call
 
 x = teg.var("x")
 t, a = teg.params("t a")
@@ -102,3 +103,12 @@ def test_an_infinite_argument_gives_the_limit_or_says_so(backend: str) -> None:
     disk = teg.compile(teg.integral(teg.bracket(x * x + y * y < t * t), (x, 0, 1), (y, 0, 1)), [t], backend=backend)
     with pytest.warns(AccuracyWarning, match=r"not a number at t = inf, where an argument is infinite"):
         disk.grad(t=np.inf)
+
+
+def test_an_estimate_that_is_no_number_is_told() -> None:
+    """A kernel reports a missed tolerance, and its estimate is not known: the result may be anything."""
+    call = Call(["t"], [np.array([0.3, np.inf])], [], 2, (2,), [], {})
+    both = np.array([[0.5, 0.5], [np.nan, np.nan]])
+    with pytest.warns(AccuracyWarning, match="at t = 0.3: 0.5, error estimate nan"):
+        assert report_missed(both, ["the value"], call, (1e-10, "warn"))
+    assert not report_missed(both[:, 1:], ["the value"], call._replace(columns=[np.array([np.inf])], n=1, shape=(1,)), (1e-10, "warn"))

@@ -48,6 +48,11 @@ IN_PASSES: tuple[Mutant, ...] = (
         ("boxes in which rounding decides the sign", "bent_up, noise = bounds\n", "bent_up, noise = (*bounds[:6], 0.0)\n"),
     ),
     *mutants(
+        "backends/shared/roots.py",
+        ("tests/backends/numpy/test_isolate.py",),
+        ("boxes in which a function is 0", "((least == 0.0) & (most == 0.0))", "False"),
+    ),
+    *mutants(
         "teg/ir/simplify.py",
         ("tests/ir/test_simplify.py", "tests/passes/eliminate/test_implicit.py"),
         (
@@ -277,9 +282,15 @@ IN_PASSES: tuple[Mutant, ...] = (
         ("tails beside surfaces", "self._tails(group, (lo, hi, *surfaces), home)", "self._tails(group, (lo, hi), home)"),
     ),
     *mutants(
+        "teg/passes/lower/pieces.py",
+        ("tests/passes/lower/test_pieces.py",),
+        ("the part of a line where a Gaussian counts", "is_bell = is_unbounded(group[0]) and", "is_bell = False and"),
+    ),
+    *mutants(
         "teg/analysis/centres.py",
         ("tests/passes/lower/test_gaussian.py",),
         ("tails from outside", "for edge in edges if c.high else ():", "for edge in ():"),
+        ("many surfaces of a density", "MAX_MET = 64", "MAX_MET = 8"),
         ("a Gaussian of at most 1", "return not (is_null(exponent) or", "return not (False or"),
     ),
     *mutants(
@@ -396,6 +407,13 @@ IN_PASSES: tuple[Mutant, ...] = (
         "if is_null(whole):",
         "if False:",
         ("tests/passes/lower/test_gaussian.py",),
+    ),
+    *mutants(
+        "teg/passes/lower/gaussian.py",
+        ("tests/passes/lower/test_gaussian.py",),
+        ("moments of a high degree", "MOST_DEGREE = 8", "MOST_DEGREE = 3"),
+        ("short pieces of high moments", "few = degree <= CUBIC", "few = True"),
+        ("tails of high moments", "RISE * max(0, degree - CUBIC)", "0.0"),
     ),
     Mutant(
         "exponentials between edges that meet",

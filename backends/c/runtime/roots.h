@@ -165,10 +165,12 @@ static inline int teg_is_bent(const teg_box *box, const double *bounds)
 }
 
 //: teg_is_clear
-/* Whether a box has no root, by the bounds over it alone: g is constant, not 0, monotone, or bent without a turn towards 0. */
+/* Whether a box has no root, by the bounds over it alone: g is constant, 0 everywhere, not 0, monotone, or bent without a turn
+   towards 0. */
 static inline int teg_is_clear(const teg_box *box, const double *bounds)
 {
     if (bounds[2] == 0.0 && bounds[3] == 0.0) return 1;
+    if (bounds[0] == 0.0 && bounds[1] == 0.0) return 1;
     if (teg_changes(box)) return 0;
     if (bounds[0] > 0.0 || bounds[1] < 0.0 || teg_is_monotone(box, bounds)) return 1;
     return teg_is_bent(box, bounds) && !(teg_turns(box) && box->left == (bounds[4] > 0.0));

@@ -27,16 +27,20 @@ from teg.ir.traverse import substitute
 from teg.numerics.error_function import SCALED, SCALED_TURN
 from teg.numerics.quadrature import gauss_legendre
 
-MOST_DEGREE = 3
+MOST_DEGREE = 8
 """The largest degree of the polynomial."""
-NARROW = 0.125
-"""Half of the largest w·(q - p)·max(1, |α + β|/2) for which nodes are taken: the exponent changes by a half at most."""
-NODES = 6
+CUBIC = 3
+"""The largest degree for which few nodes are taken on narrow pieces. Of higher powers more digits of moments about the peak cancel."""
+NARROW = {True: 0.125, False: 1.0}
+"""Half of the largest w·(q - p)·max(1, |α + β|/2) for which nodes are taken, by whether the degree is at most CUBIC: the exponent changes
+by a half at most, or by 4."""
+NODES = {True: 6, False: 12}
 """Nodes that integrate a polynomial times a Gaussian to rounding there."""
 FAR = (30.0, 4.0, 2.0)
 """The distance of a piece from the peak, times w, beyond which moments about the peak cancel, by the degree of the polynomial. There the
-Gaussian falls off like an exponential, and TAIL_NODES nodes on the part where it falls by exp(-DECAY) give the mean."""
-TAIL_NODES, DECAY = 24, 37.0
+Gaussian falls off like an exponential, and TAIL_NODES nodes on the part where it falls by exp(-DECAY) give the mean; RISE is added to
+that for each degree above CUBIC, by which a power of the distance from its end has risen there."""
+TAIL_NODES, DECAY, RISE = 24, 37.0, 3.0
 FLAT = 1e-280
 """Replaces w² where it is 0: the formulas are then those of an exponential."""
 RESOLVED = 2.0**-6
@@ -82,18 +86,21 @@ class Gaussian:
         length = mul(self.width, sub(q, p))
         integrand = mul(polynomial, call("exp", self.exponent))
         change = mul(const(0.5), length, call("max", ONE, call("magnitude", mul(const(0.5), add(alpha, beta)))))
-        narrow = mean_at_nodes(integrand, self.x, p, q, NODES)
-        result = where(positive(sub(change, const(NARROW))), div(self._integral(polynomial, degree, (p, q), (alpha, beta)), length), narrow)
+        few = degree <= CUBIC
+        narrow = mean_at_nodes(integrand, self.x, p, q, NODES[few])
+        wide = div(self._integral(polynomial, degree, (p, q), (alpha, beta)), length)
+        result = where(positive(sub(change, const(NARROW[few]))), wide, narrow)
         if degree == 0:
             return result
         near = call("min", call("magnitude", alpha), call("magnitude", beta))
-        reach = div(const(DECAY), mul(self.width, add(near, call("sqrt", add(integer_power(near, 2), const(DECAY))))))
+        decay = const(DECAY + RISE * max(0, degree - CUBIC))
+        reach = div(decay, mul(self.width, add(near, call("sqrt", add(integer_power(near, 2), decay)))))
         part = call("min", sub(q, p), reach)
         rising = positive(mul(MINUS_ONE, alpha))
         low, high = where(rising, sub(q, part), p), where(rising, q, add(p, part))
         tail = mul(div(part, sub(q, p)), mean_at_nodes(integrand, self.x, low, high, TAIL_NODES))
         outside = positive(mul(alpha, beta))
-        return where(conjunction(outside, positive(sub(near, const(FAR[degree - 1])))), tail, result)
+        return where(conjunction(outside, positive(sub(near, const(FAR[min(degree, len(FAR)) - 1])))), tail, result)
 
     def _integral(self, polynomial: Expr, degree: int, piece: tuple[Expr, Expr], ends: tuple[Expr, Expr]) -> Expr:
         """Returns Σ P⁽ᵏ⁾(μ)/(k!·wᵏ)·Iₖ, where nothing cancels that matters."""

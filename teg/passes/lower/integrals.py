@@ -32,7 +32,7 @@ from teg.passes.lower.guarded import Guards, widest_gap
 from teg.passes.lower.intervals import Between, Interval, integrals_over_interval, interval_of
 from teg.passes.lower.intrinsic import Intrinsic, Lowering
 from teg.passes.lower.levels import Level
-from teg.passes.lower.means import Mean, Means, P, Q, mean_of, without_tails
+from teg.passes.lower.means import Mean, Means, P, Q, mean_of
 from teg.passes.lower.pieces import Pieces
 from teg.passes.lower.refute import certainly_empty
 from teg.passes.lower.roots import Roots
@@ -260,9 +260,6 @@ class _Integrals:
         self, group: Sequence[Integral], home: Level, when: str | None, places: tuple[Arg, Arg, tuple[Arg, ...]]
     ) -> Sequence[Arg]:
         """Returns the results of integrals of closed form: an `Integrate` with one node, whose values are means over the piece."""
-        if is_unbounded(group[0]):
-            lo, hi = (self.out.number(e, home) for e in without_tails(group))
-            places = lo, hi, places[2]
         node, var, ends = group[0], self.out.fresh("x"), (self.out.fresh("x"), self.out.fresh("x"))
         between = home.inside(P, ends[0]).inside(Q, ends[1])
         level = between.inside(node.var, var)

@@ -32,6 +32,7 @@ from teg.ir.traverse import substitute
 from teg.passes.lower.emit import NAN, Emitter
 from teg.passes.lower.features import Features
 from teg.passes.lower.levels import Level
+from teg.passes.lower.means import Mean, without_tails
 from teg.passes.lower.roots import Roots
 from teg.passes.lower.rules import Rules
 from teg.program import INFINITE, TIE_EPS, Adaptive, Arg, Bend, Rule
@@ -57,7 +58,8 @@ class Pieces:
         """Returns the lower bound, the upper bound, and the breaks between them."""
         node = group[0]
         analysis = self.analysis.of(node)
-        lo, hi = self.out.number(node.lo, home), self.out.number(node.hi, home)
+        ends = self._ends(group, home)
+        lo, hi = (self.out.number(end, home) for end in ends)
         breaks = surfaces = tuple(self.out.number(p, home) for p in analysis.points)
         breaks += self._peaks(group, home) + self._centres(group, home)
         if self.features.ends_at_both(node):
@@ -68,7 +70,7 @@ class Pieces:
             breaks += tuple(self.out.assign(home, op, at, apart) for op in ("sub", "add"))  # no tail begins where it is singular
         bounded = not any(turn.kind in ("pole", "end") for turn in analysis.bends)
         for isolation in analysis.isolated:
-            found = self.roots.breaks_in(node, isolation, home, when, soft=bounded and isolation.g not in decisive)
+            found = self.roots.breaks_in(node, ends, isolation, home, when, soft=bounded and isolation.g not in decisive)
             if isolation.g in decisive:  # too many roots: NaN
                 lo = self.out.assign(home, "select", self.out.assign(home, "ok", found[0]), lo, NAN)
             mattering = self._mattering(found, analysis.matters[isolation.g], node.var, home)
@@ -78,6 +80,12 @@ class Pieces:
         for location in analysis.located:
             breaks += self.roots.located(location, node.lo, node.hi, home, when)
         return lo, hi, breaks
+
+    def _ends(self, group: Sequence[Integral], home: Level) -> tuple[Expr, Expr]:
+        """Returns the bounds of integrals; of Gaussians in closed form, the places beyond which they are 0. Far away a condition may be no
+        number, as exp(a·x) > exp(b·x) is where both sides are infinite."""
+        is_bell = is_unbounded(group[0]) and isinstance(self.rules.shared(group, home.depth), Mean)
+        return without_tails(group) if is_bell else (group[0].lo, group[0].hi)
 
     def _decisive(self, group: Sequence[Integral], home: Level) -> set[Expr]:
         """Returns the functions without whose roots an integral would be wrong.

@@ -21,7 +21,7 @@ from teg.analysis.roots import Root, solve
 from teg.analysis.sharp import LARGEST
 from teg.analysis.surfaces import atoms_of
 from teg.analysis.tails import finite_place, is_unbounded
-from teg.ir.expr import ONE, TRUE, Compare, Expr, Var, Where, const, has_cut
+from teg.ir.expr import ONE, TRUE, Compare, Expr, Var, Where, const, has_cut, is_infinite
 from teg.ir.integral import Integral, PointMasses
 from teg.ir.node import postorder
 from teg.ir.simplify import call, positive, sub, where
@@ -114,9 +114,13 @@ class Roots:
         """Returns the roots of a function within the bounds of an integral, up to infinity if need be."""
         return self._isolated_between((node.lo, node.hi), node, isolation, home, when, False)
 
-    def breaks_in(self, node: Integral, isolation: Isolation, home: Level, when: str | None, soft: bool) -> tuple[Arg, ...]:
-        """Returns the same, also a little beyond the bounds. The integrand is continuous at `soft` ones."""
-        bounds = (node.lo, node.hi) if is_unbounded(node) else widened(node.lo, node.hi)
+    def breaks_in(
+        self, node: Integral, ends: tuple[Expr, Expr], isolation: Isolation, home: Level, when: str | None, soft: bool
+    ) -> tuple[Arg, ...]:
+        """Returns the same between the ends of what counts, and a little beyond. The integrand is continuous at `soft` ones."""
+        if is_unbounded(node) and not any(is_infinite(e) for e in ends):
+            return self.isolated(isolation, *widened(*ends), home, when, soft)
+        bounds = ends if is_unbounded(node) else widened(*ends)
         return self._isolated_between(bounds, node, isolation, home, when, soft)
 
     def _isolated_between(

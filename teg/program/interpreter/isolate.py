@@ -84,7 +84,7 @@ class _Search:
         m, h = 0.5 * (box.p + box.q), 0.5 * (box.q - box.p)
         least, most, slowest, fastest, bent_down, bent_up, noise = self._enclosed(box.p, box.q)
         g, slope, _ = self._at(m)
-        if slowest == 0.0 and fastest == 0.0:
+        if slowest == fastest == 0.0 or least == most == 0.0:  # the slope may be unknown where g is 0: 0·∞ at an infinite end
             return []
         reach = h * max(abs(slowest), abs(fastest)) if math.isfinite(slowest) and math.isfinite(fastest) else math.inf
         if not box.changes:

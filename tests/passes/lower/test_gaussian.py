@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from scipy import special
 
 import teg
 
@@ -106,6 +107,15 @@ def test_the_place_of_a_density_that_a_line_divides() -> None:
     assert gradient["m"] == pytest.approx(-1 / 0.7, abs=1e-11)
 
 
+@pytest.mark.parametrize("width", [1e-2, 1e-4])
+def test_a_density_that_many_lines_divide(width: float) -> None:
+    """Each of twelve lines has a layer of its own in y. Their distances stay as m moves: the first piece loses what the last one gains."""
+    factors = [1 - 0.05 * (i + 1) for i in range(12)]
+    steps = math.prod((teg.where(x + y < 0.1 + 0.07 * i, 1.0, c) for i, c in enumerate(factors)), start=DENSITY)
+    f = teg.compile(teg.integral(steps, (x, -1, 1), (y, 0, 1)), [m], backend="numpy")
+    assert f.grad(m=0.02, s=width)["m"] == pytest.approx(math.prod(factors) - 1, rel=1e-10)
+
+
 @pytest.mark.parametrize("width", [1e-4, 1e-6])
 def test_derivatives_of_an_expectation_by_place_and_width(width: float) -> None:
     """All of a density lies inside: the mean of x is m, and the terms of size 1/s cancel."""
@@ -172,3 +182,51 @@ def test_a_bell_that_is_at_most_1_has_no_tails() -> None:
         for level in (0, 1)
     )
     assert high == low + 2
+
+
+# -- moments ---------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("backend", ["c", "numpy"])
+@pytest.mark.parametrize("power", [4, 6])
+def test_high_moments_of_a_narrow_density(backend: str, power: int) -> None:
+    """E xᵖ = Σⱼ (p over 2j)·(2j - 1)!!·m^(p - 2j)·s²ʲ, with derivatives, where nearly all of the density lies above k."""
+    f = teg.compile(teg.integral(x**power * DENSITY * teg.bracket(x > k), (x, -1, 2)), [m, s], backend=backend)
+    odd = [math.prod(range(1, 2 * j, 2)) * math.comb(power, 2 * j) for j in range(power // 2 + 1)]
+    for width in (1e-2, 1e-4, 1e-6):
+        gradient = f.grad(m=0.5, s=width, k=0.3)
+        by_width = sum(c * 0.5 ** (power - 2 * j) * 2 * j * width ** (2 * j - 1) for j, c in enumerate(odd) if j)
+        by_place = sum(c * (power - 2 * j) * 0.5 ** (power - 2 * j - 1) * width ** (2 * j) for j, c in enumerate(odd) if 2 * j < power)
+        assert gradient["m"] == pytest.approx(by_place, rel=1e-13 + 1e-17 / width)
+        assert gradient["s"] == pytest.approx(by_width, abs=1e-15 / width)
+
+
+@pytest.mark.parametrize("power", [4, 5, 8])
+def test_high_moments_from_an_edge(power: int) -> None:
+    """From the edge k = m + αs on: 2^(p/2)·Γ((p + 1)/2, α²/2)/(2√π)."""
+    f = teg.compile(teg.integral(((x - m) / s) ** power * DENSITY * teg.bracket(x > k), (x, m, math.inf)), backend="numpy")
+    at = np.array([0.01, 0.7, 1.9, 2.6, 3.5, 9.0, 30.0])
+    scale = 2 ** (power / 2) * special.gamma((power + 1) / 2) / (2 * math.sqrt(math.pi))
+    expected = scale * special.gammaincc((power + 1) / 2, at * at / 2)
+    np.testing.assert_allclose(f(m=0.25, s=2.0**-9, k=0.25 + at * 2.0**-9), expected, rtol=1e-11)
+
+
+@pytest.mark.parametrize("power", [5, 8])
+def test_high_powers_of_the_distance_from_an_edge(power: int) -> None:
+    """Moments about the peak cancel: short pieces and tails have nodes of their own."""
+    piece = teg.bracket((x > k) & (x < k + a))
+    f = teg.compile(teg.integral(((x - k) / s) ** power * DENSITY * piece, (x, -1, 2)), backend="numpy")
+    nodes, weights = np.polynomial.legendre.leggauss(40)
+    at, wide = (v.ravel() for v in np.meshgrid([0.01, 0.7, 1.9, 2.6, 3.5, 9.0, 30.0], [0.2, 1.0, 2.0]))
+    u = 0.5 * wide[:, None] * (nodes + 1)
+    expected = 0.5 * wide * np.sum(weights * u**power * np.exp(-0.5 * (at[:, None] + u) ** 2), axis=1) / math.sqrt(2 * math.pi)
+    np.testing.assert_allclose(f(m=0.25, s=2.0**-9, k=0.25 + at * 2.0**-9, a=wide * 2.0**-9), expected, rtol=2e-9)
+
+
+@pytest.mark.parametrize("backend", ["c", "numpy"])
+def test_second_derivatives_of_a_narrow_density(backend: str) -> None:
+    """All of the density lies above k, so the value is 1; terms of 1/s² cancel to their rounding."""
+    f = teg.compile(teg.integral(DENSITY * teg.bracket(x > k), (x, 0, 1)), [m, s, k], backend=backend)
+    for width in (1e-3, 1e-5):
+        product = f.hvp({"m": 0.5, "s": width, "k": 0.3}, {"m": 0.3, "s": 0.8, "k": -0.4})
+        assert max(abs(v) for v in product.values()) < 4e-15 / width**2

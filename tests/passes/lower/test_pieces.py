@@ -72,3 +72,41 @@ def test_the_width_of_a_double_root_is_not_its_rounding(backend: str) -> None:
         u = 1 + 1.5 / scale  # k²·(u^(1 - t)/(t - 1) - u^-t/t) = k²·(½u⁻² - ⅓u⁻³)
         by_scale = 2 * scale * (u**-2 / 2 - u**-3 / 3) + 1.5 * (u**-3 - u**-4)
         assert lomax.grad(t=3.0, k=scale)["k"] == pytest.approx(by_scale, rel=1e-8)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_conditions_that_are_no_numbers_where_a_gaussian_is_0(backend: str) -> None:
+    """exp(a·x) > c·exp(x/5) holds from x = log(c)/(a - 1/5) on; far away both sides are infinite, or 0."""
+    a, c = teg.params("a c")
+    density = teg.exp(-x * x / 2) / math.sqrt(2 * math.pi)
+    above = teg.exp(a * x) > c * teg.exp(x / 5)
+    f = teg.compile(teg.integral(teg.bracket(above) * density, LINE), [a, c], backend=backend)
+    g = teg.compile(teg.integral(teg.bracket(above) * density, (x, -1.5, math.inf)), backend=backend)
+    for rising, factor in ((0.3, 0.9), (0.7, 2.0), (-0.3, 0.9)):
+        apart = rising - 0.2
+        at = math.log(factor) / apart
+        upper = [float(mpmath.ncdf(-v)) for v in (at, max(at, -1.5))]
+        assert f(a=rising, c=factor) == pytest.approx(upper[0] if apart > 0 else 1 - upper[0], abs=1e-14)
+        if apart > 0:
+            assert g(a=rising, c=factor) == pytest.approx(upper[1], abs=1e-14)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_which_of_two_gaussians_is_higher(backend: str) -> None:
+    """Far away both are 0 to the last bit, and so is their difference; between are the two roots of a quadratic."""
+    a, m, s = teg.params("a m s")
+    normal = teg.exp(-x * x / 2) / math.sqrt(2 * math.pi)
+    other = teg.exp(-(((x - m) / s) ** 2) / 2) / (s * math.sqrt(2 * math.pi))
+    f = teg.compile(teg.integral(teg.bracket(a * normal > (1 - a) * other) * normal, LINE), [a, m], backend=backend)
+
+    def outside(a: mpmath.mpf, m: mpmath.mpf) -> mpmath.mpf:
+        ratio = 2 * mpmath.log((1 - a) / (a * mpmath.mpf("0.75")))
+        low, high = mpmath.polyroots(
+            [1 / mpmath.mpf("0.75") ** 2 - 1, -2 * m / mpmath.mpf("0.75") ** 2, (m / mpmath.mpf("0.75")) ** 2 - ratio]
+        )
+        return 1 - mpmath.ncdf(high) + mpmath.ncdf(low)
+
+    value, gradient = f.value_and_grad(a=0.625, m=1.5, s=0.75)
+    assert value == pytest.approx(float(outside(mpmath.mpf(0.625), mpmath.mpf(1.5))), rel=1e-12)
+    assert gradient["a"] == pytest.approx(float(mpmath.diff(outside, (0.625, 1.5), (1, 0))), rel=1e-7)
+    assert gradient["m"] == pytest.approx(float(mpmath.diff(outside, (0.625, 1.5), (0, 1))), rel=1e-7)
