@@ -8,33 +8,31 @@ from typing import TYPE_CHECKING, Any, cast
 
 from teg.analysis.bodies import write_all_out
 from teg.analysis.settings import Integration
-from teg.errors import ArrayIndexError, OptionError, ParameterError
+from teg.errors import OptionError
 from teg.evaluator.arguments import (
     Call,
     argument_order,
     plain_numbers,
-    read_call,
     refuse_uncertain,
     rounded,
     values_by_name,
     with_rounding,
 )
 from teg.evaluator.both_sides import taken
-from teg.evaluator.counting import Counting
 from teg.evaluator.directions import Directions, generic, shape_of, units
 from teg.evaluator.explain import checked_derivatives, explained
 from teg.evaluator.kernels import Kernels, Key, dimensions_of
+from teg.evaluator.lengths import KEPT, Lengths
 from teg.evaluator.nodes import NodeFinder, moved_by
 from teg.evaluator.options import Options
-from teg.evaluator.plan import GRADIENT, GRADIENT_ALONE, HESSIAN, ORDERS, VALUE, Kept, Plan, Wanted, directions_of
+from teg.evaluator.plan import GRADIENT, GRADIENT_ALONE, HESSIAN, ORDERS, VALUE, Kept, Wanted
 from teg.evaluator.results import along_direction, cotangents_of, in_shape, in_structure, nested, places, stacked, weighted
 from teg.ir.arrays import Array, Gather, arrays_of, has_arrays, integer_parameters
-from teg.ir.cells import check_indices, with_lengths
+from teg.ir.cells import check_indices
 from teg.ir.expr import Expr, Param, Tuple
 from teg.ir.index import ArrayName
 from teg.ir.traverse import parameters
-from teg.passes.differentiate.through_sums import Parameter, on_cells, outlined
-from teg.passes.normalise.sums import NeedsLengths
+from teg.passes.differentiate.through_sums import Parameter, on_cells
 from teg.pipeline import flatten, normal_form
 from teg.program import Program
 from teg.program.arrays import ArrayProgram
@@ -48,10 +46,6 @@ from teg.report.number_watch import NumberWatch
 
 if TYPE_CHECKING:
     import numpy as np
-
-
-KEPT = 16
-"""The number of plans kept for different lengths of arrays, if lengths must be known."""
 
 
 class Evaluator:
@@ -96,18 +90,11 @@ class Evaluator:
         self.parameters: tuple[str, ...] = tuple(p.name for p in self._leaves)
         self._integers = frozenset(p.name for p in counted)
         self._entries = len(flatten(e))
-        self._program = write_all_out(e) if options.functions == "inlined" else self.expression
         self._quick = options.backend == "c" and not self._loops and not (options.maps and options.check_maps)
         self._watches: Kept[Integration, NumberWatch] = Kept(2)  # programs compiled for diagnoses
         self._finders: Kept[Parameter | None, NodeFinder] = Kept(KEPT)
-        self._made: Kept[tuple[tuple[int, ...], tuple[int, ...]], Kernels] = Kept(KEPT)
-        self._counting: Kept[None, Counting] = Kept(1)
-        self._kernels: Kernels | None = None  # kernels for any lengths of arrays
-        try:
-            self._kernels = self._compiled(self._program)
-            self._kernels.prepare(VALUE)
-        except NeedsLengths:
-            self._kernels = None
+        program = write_all_out(e) if options.functions == "inlined" else self.expression
+        self._lengths = Lengths(program, self.wrt, self._leaves, self._integers, options)
 
     # -- calls ---------------------------------------------------------------------------------------------------------
 
@@ -187,7 +174,7 @@ class Evaluator:
         parameters. Raises as `value_and_grad`, and ParameterError for a direction along another parameter than those of `wrt`.
         """
         wanted, given = self._directions.moved(self.by_name((values,), {}), direction)
-        call, kernels = self._call(wanted, given)
+        call, kernels = self._lengths.read(wanted, given)
         rows = self._rounded(kernels.results(wanted, call, partial(self._titles, wanted)))
         return self._by_name(iter(rows), call.shape)
 
@@ -259,7 +246,8 @@ class Evaluator:
 
         None for a program that depends on the lengths of its arrays, which is built in the call.
         """
-        return None if self._kernels is None else self._kernels.kernel_of(ORDERS[orders])
+        kernels = self._lengths.any
+        return None if kernels is None else kernels.kernel_of(ORDERS[orders])
 
     # -- programs and reports ------------------------------------------------------------------------------------------
 
@@ -269,7 +257,7 @@ class Evaluator:
         value, gradient = f.outputs(1)
         len(gradient)                         # 2: the derivatives by t and by a
         """
-        return self._any().plan.outputs(ORDERS[orders])
+        return self._lengths.required().plan.outputs(ORDERS[orders])
 
     def program(self, orders: int, errors: bool = False) -> Program | ArrayProgram:
         """Returns the lowered program of the value (0), value and gradient (1), and these with the Hessian (2).
@@ -280,7 +268,7 @@ class Evaluator:
         of t is called ∂t. Raises ArrayIndexError if lengths of arrays must be known. With `errors`, estimates of the errors of the
         outputs follow them.
         """
-        kernels = self._any()
+        kernels = self._lengths.required()
         wanted = Wanted(True, 1, (self.wrt,)) if self._loops and orders == 2 else ORDERS[orders]
         return kernels.plan.program(wanted, errors=errors, how=kernels.room_of(wanted))
 
@@ -293,10 +281,10 @@ class Evaluator:
         A program that is compiled for lengths of arrays is explained for those of the first call. Raises OptionError for other
         `derivatives` than 0 and 1.
         """
-        options, made = self._options, self._kernels or self._made.first()
+        options, made = self._options, self._lengths.some
         asked = Asked(options.integration, options.estimator, options.maps, checked_derivatives(derivatives))
-        found = explained(self._program if made is None else made.plan.expression, self.wrt, asked)
-        found.data["expression"] = text_of(self._program)
+        found = explained(self._lengths.program if made is None else made.plan.expression, self.wrt, asked)
+        found.data["expression"] = text_of(self._lengths.program)
         return found
 
     def diagnose(self, /, *args: Any, **named: Any) -> list[Diagnosis]:
@@ -310,7 +298,7 @@ class Evaluator:
         """
         import numpy as np
 
-        call, kernels = self._call(GRADIENT, self.by_name(args, named))
+        call, kernels = self._lengths.read(GRADIENT, self.by_name(args, named))
         seconds = self._seconds(kernels, call)
         if self._loops:
             return diagnose(self._loop_watch(kernels, call), call, np.empty((0, call.n)), seconds)
@@ -323,7 +311,7 @@ class Evaluator:
         if not kernels.has_products:
             return None
         wanted, moved = self._generic_product(call)
-        second_call, _ = self._call(wanted, moved)
+        second_call, _ = self._lengths.read(wanted, moved)
         kernels.check(Key(wanted), second_call)
         return kernels.seconds(wanted, second_call)
 
@@ -360,7 +348,7 @@ class Evaluator:
         from teg.backends.numpy.ties import TieWatch
 
         wanted, moved = self._generic_product(taken(call, [number]))
-        second_call, _ = self._call(wanted, moved)
+        second_call, _ = self._lengths.read(wanted, moved)
         program = cast(ArrayProgram, kernels.plan.program(wanted, how=kernels.room_of(wanted)))
         return TieWatch(program).ties(second_call.doubles, second_call.arrays, 1)[1]
 
@@ -406,7 +394,7 @@ class Evaluator:
 
         "def " in f.source                    # True
         """
-        made = self._kernels or self._made.first()
+        made = self._lengths.some
         if made is None:
             return "nothing yet: this program is compiled for the shapes of its arrays, when it is first called"
         if self._loops:
@@ -448,13 +436,13 @@ class Evaluator:
         if (
             self._quick
             and (len(args) <= self._certain or isinstance(args[0], Mapping))
-            and self._kernels is not None
+            and (known := self._lengths.any) is not None
             and (numbers := plain_numbers(self.parameters, args, named)) is not None
         ):
-            quick = self._kernels.at_point(wanted, numbers)
+            quick = known.at_point(wanted, numbers)
             if quick is not None:
                 return quick, ()
-        call, kernels = self._call(wanted, self.by_name(args, named))
+        call, kernels = self._lengths.read(wanted, self.by_name(args, named))
         return self._rounded(kernels.results(wanted, call, partial(self._titles, wanted))), call.shape
 
     def _rounded(self, found: Sequence[np.ndarray]) -> Sequence[np.ndarray]:
@@ -464,7 +452,7 @@ class Evaluator:
         self, wanted: Wanted, args: tuple[Any, ...], named: Mapping[str, Any]
     ) -> tuple[Sequence[Any], Sequence[Any], tuple[int, ...]]:
         """Returns results, the estimates of their errors, and the shape of the batch."""
-        call, kernels = self._call(wanted, self.by_name(args, named))
+        call, kernels = self._lengths.read(wanted, self.by_name(args, named))
         values, errors = kernels.estimated(wanted, call, partial(self._titles, wanted))
         if self._options.dtype == "float32":
             pairs = [with_rounding(*pair) for pair in zip(values, errors, strict=True)]
@@ -472,7 +460,7 @@ class Evaluator:
         return values, errors, call.shape
 
     def _counted(self, wanted: Wanted, given: Mapping[str, Any]) -> int:
-        call, kernels = self._call(wanted, given)
+        call, kernels = self._lengths.read(wanted, given)
         return kernels.counted(wanted, call)
 
     def _hessian_by_products(self, given: dict[str, Any]) -> dict[tuple[str, str], Any]:
@@ -486,46 +474,6 @@ class Evaluator:
             for p in self.wrt:
                 found[p.name, q.name] = stacked(columns[p.name], shape_of(p, given), shape_of(q, given))
         return found
-
-    def _call(self, wanted: Wanted, given: Mapping[str, Any]) -> tuple[Call, Kernels]:
-        """Returns the call, and the kernels for its lengths."""
-        if not wanted.along and self._kernels is not None:
-            return read_call(self._leaves, given, self._integers, self._options.dtype), self._kernels
-        along = {p: q for direction in directions_of(wanted, self._leaves) for p, q in direction.items()}
-        every = [*self._leaves, *along.values()]
-        call = read_call(every, given, self._integers, self._options.dtype)
-        shapes = dict(zip([p for p in every if isinstance(p, ArrayName)], call.shapes, strict=True))
-        for p, d in along.items():
-            if isinstance(p, Array) and isinstance(d, Array) and shapes[p] != shapes[d]:
-                raise ParameterError(f"the direction along {p.name} has the shape {shapes[d]}, {p.name} has {shapes[p]}")
-        return call, self._kernels or self._for_lengths(shapes, given)
-
-    def _for_lengths(self, shapes: Mapping[ArrayName, tuple[int, ...]], given: Mapping[str, Any]) -> Kernels:
-        """Returns the kernels for these lengths of arrays, and for so many candidates as are given."""
-        counting = self._counting.get(None, lambda: Counting(self._program))
-        counts = counting.of(given)
-
-        def made() -> Kernels:
-            try:
-                return self._compiled(with_lengths(counting.bounded(counts), shapes))
-            except NeedsLengths as request:  # pragma: no cover: the lengths are numbers now
-                raise ArrayIndexError(str(request), request.node) from None
-
-        lengths = tuple(n for a, shape in shapes.items() if a in self._leaves for n in shape)
-        return self._made.get((lengths, counts), made)
-
-    def _compiled(self, e: Expr) -> Kernels:
-        source = self._options.estimator.source_of(e)
-        if not self._loops:
-            return Kernels(Plan(e, self._options, self.wrt, self._leaves))
-        return Kernels(Plan(outlined(e), self._options, self.wrt, self._leaves, (), None if source is None else outlined(source)))
-
-    def _any(self) -> Kernels:
-        """Returns the kernels for any lengths of arrays."""
-        if self._kernels is None:
-            hint = "give the sum inside the integral a range of numbers, or write the integral inside the sum"
-            raise ArrayIndexError("this program is made for the lengths of its arrays, and these are not known", self.expression, hint)
-        return self._kernels
 
     def _titles(self, wanted: Wanted) -> list[str]:
         """Returns the title of each result, for messages."""

@@ -49,6 +49,7 @@ ELSEWHERE = {
         "explain": "tests/report/test_explain.py",
         "framework": "tests/interop/test_jax.py",
         "kernels": "tests/evaluator/test_evaluator.py",
+        "lengths": "tests/evaluator/test_evaluator.py",
         "options": "tests/evaluator/test_compile.py",
         "plan": "tests/evaluator/test_evaluator.py",
         "tabled": "tests/end_to_end/test_alike_terms.py",
