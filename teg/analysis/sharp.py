@@ -33,7 +33,7 @@ from teg.ir.function import Apply
 from teg.ir.integral import ClosedForm, Integral, PointMasses
 from teg.ir.node import Node, postorder
 from teg.ir.simplify import add, call, conjunction, div, integer_power, mul, negation, positive, sub, where
-from teg.ir.traverse import fresh, rewrite, rewrite_below, substitute
+from teg.ir.traverse import fresh, rewrite_below, substitute
 from teg.program import UNSEEN
 
 LARGE_POWER = 16
@@ -194,21 +194,19 @@ def _enclosed(sharp: Sharp, boxed: Enclosure) -> tuple[Expr, Expr]:
     """Returns the bounds that an enclosure gives."""
     if not sharp.wave:
         hi = boxed.of(sharp.value)[1]
-        return _unless_singular(hi, sharp, boxed), boxed.of(_where_not_null(sharp.value))[0]
+        return _unless_singular(hi, sharp, boxed), boxed.of(_where_not_null(sharp))[0]
     first, last = boxed.of(sharp.argument)
     return call("max", ONE, mul(const(UNSEEN / FAR_ARGUMENT), sub(last, first))), ONE
 
 
-def _where_not_null(value: Expr) -> Expr:
-    """Returns a value with each `where` that is 0 on one side as on the other: a condition that a box does not decide would make its lower
-    bound 0. Inside a piece such a value is 0 or not everywhere."""
-    if not any(isinstance(n, Where) and ZERO in (n.then, n.otherwise) for n in postorder([value])):
-        return value
-
-    def visit(_: Node, new: Node) -> Node:
-        return add(new.then, new.otherwise) if isinstance(new, Where) and ZERO in (new.then, new.otherwise) else new
-
-    return cast(Expr, rewrite([value], visit)[value])
+def _where_not_null(sharp: Sharp) -> Expr:
+    """Returns the sharp value of an argument that is a `where` and 0 on one side as on the other: a condition that a box does not decide
+    would make its lower bound 0."""
+    u = sharp.argument
+    if not isinstance(u, Where) or ZERO not in (u.then, u.otherwise):
+        return sharp.value
+    other = add(u.then, u.otherwise)
+    return cast(Expr, rewrite_below([sharp.value], lambda n: other if n is u else None)[sharp.value])
 
 
 def _unless_singular(upper: Expr, sharp: Sharp, boxed: Enclosure) -> Expr:
