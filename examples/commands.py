@@ -12,7 +12,7 @@ from typing import Any
 
 from teg.errors import AccuracyError, InputError, TegError
 from teg.examples.animation import NO_VIDEO
-from teg.examples.options import DEMOS, OPTIONS, Demo, resolved
+from teg.examples.options import DEMOS, OPTIONS, SMOOTH_HELP, Demo, resolved
 
 BAD_INPUT, NOT_CONVERGED, INTERRUPTED = 2, 3, 130
 ABSENT: Any = argparse.SUPPRESS
@@ -44,12 +44,13 @@ def _add(parser: argparse.ArgumentParser, name: str, value: Any, demo: Demo) -> 
     choices = {"backend": demo.backends, "discontinuities": demo.treatments}.get(name, option.choices)
     absent = demo.absent.get(name) or (DEFAULT_BACKEND if name == "backend" else "")
     default = f" ({absent})".replace(" ()", "") if value is None else f" ({value})"
+    more = SMOOTH_HELP if name == "discontinuities" and "smooth" in demo.treatments else ""
     parser.add_argument(
         _flag(name),
         type=_choice if name == "discontinuities" else option.kind,
         choices=choices or None,
         metavar=option.metavar or None,
-        help=option.help.replace("%", "%%") + default,
+        help=option.help.replace("%", "%%") + more + default,
     )
 
 

@@ -88,7 +88,7 @@ OPTIONS = {
     "sites": Option(int, "points that mass is sent to", "N", 2, 100_000),
     "discontinuities": Option(
         str,
-        "derivatives: exact; ignore: those of plain automatic differentiation; smooth: of softened brackets, on a grid",
+        "derivatives: exact; ignore: those of plain automatic differentiation",
         choices=("exact", "ignore", "smooth"),
     ),
     "alone": Option(bool, "without plain automatic differentiation beside it"),
@@ -125,6 +125,8 @@ class Demo:
         return report
 
 
+SMOOTH_HELP = "; smooth: of softened brackets, on a grid"
+"""More of the help of --discontinuities, for demonstrations that have it."""
 DESCENT = {"seed": 0, "backend": None, "resume": False}
 COMPARED = {"discontinuities": "exact", "alone": False}
 MARKET = {"spot": 100.0, "strike": 105.0, "barrier": 90.0, "volatility": 0.25, "rate": 0.03, "years": 0.5}

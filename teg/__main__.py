@@ -178,6 +178,9 @@ def show_cache(options: argparse.Namespace) -> int:
 
     folder, limit = cache_folder(), size_limit()
     print(f"{folder}: {_amount(entries_of(folder))} of at most {limit / MEGABYTE:g} MB (TEG_CACHE_DIR, TEG_CACHE_SIZE)")
+    wanted = os.environ.get("TEG_CACHE_DIR")
+    if wanted and not (os.path.isdir(wanted) and os.path.samefile(wanted, folder)):
+        print(f"teg: TEG_CACHE_DIR, {wanted}, cannot be used: what is compiled is kept until the process ends", file=sys.stderr)
     return 0
 
 

@@ -173,6 +173,13 @@ def test_importing_loads_no_optional_package() -> None:
     assert subprocess.run([sys.executable, "-c", check], capture_output=True, text=True, check=True).stdout == "[]\n"
 
 
+def test_the_help_of_a_demo_names_its_own_treatments_of_discontinuities(capsys: pytest.CaptureFixture[str]) -> None:
+    for demo, has_smooth in {"triangulation": True, "billiards": False}.items():
+        with pytest.raises(SystemExit):
+            main(["demo", demo, "--help"])
+        assert ("softened" in capsys.readouterr().out) is has_smooth
+
+
 @pytest.mark.skipif(not any(map(shutil.which, ("cc", "gcc", "clang"))), reason="needs a C compiler")
 def test_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     from teg.backends.c.build import load_library
@@ -186,6 +193,11 @@ def test_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.C
     assert main(["cache", "clear"]) == 0
     assert capsys.readouterr().out.startswith(f"{tmp_path}: removed 1 compiled file")
     assert not list(tmp_path.iterdir())
+    file = tmp_path / "a file"
+    file.touch()
+    monkeypatch.setenv("TEG_CACHE_DIR", str(file / "below"))
+    assert main(["cache", "info"]) == 0
+    assert "cannot be used" in capsys.readouterr().err
     monkeypatch.setenv("TEG_CACHE_SIZE", "large")
     assert main(["cache", "info"]) == 2
     assert "TEG_CACHE_SIZE" in capsys.readouterr().err
