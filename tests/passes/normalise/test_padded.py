@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import teg
-from teg.evaluator.evaluator import Evaluator
+from teg.evaluator.lengths import Lengths
 from teg.passes.normalise.padded import most_of
 
 x, y = teg.vars("x y")
@@ -156,7 +156,7 @@ def test_lists_in_lists() -> None:
 
 def test_a_program_is_made_for_each_number_of_places(monkeypatch: pytest.MonkeyPatch) -> None:
     made: list[teg.Expr] = []
-    monkeypatch.setattr(Evaluator, "_compiled", lambda self, e, make=Evaluator._compiled: (made.append(e), make(self, e))[1])
+    monkeypatch.setattr(Lengths, "_compiled", lambda self, e, make=Lengths._compiled: (made.append(e), make(self, e))[1])
     f = teg.compile(pixels(teg.bracket(teg.any(in_disk(listed[k]), LIST))), [disks])
     lists = lists_of(AT)
     f(disks=AT, **lists)
