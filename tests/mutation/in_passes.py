@@ -263,6 +263,13 @@ IN_PASSES: tuple[Mutant, ...] = (
         ("steps that are narrow", 'case "tanh":', 'case "no tanh":'),
     ),
     *mutants(
+        "teg/passes/normalise/centre.py",
+        ("tests/passes/normalise/test_centre.py",),
+        ("distances from the sides", "return add(add(centre, *outside), distance,", "return add(add(distance, centre), *outside,"),
+        ("a root that is an edge", "if known is not None:", "if False:"),
+        ("the roots of a condition", "            return h\n    return g", "            return g\n    return g"),
+    ),
+    *mutants(
         "teg/passes/lower/changes.py",
         ("tests/passes/lower/test_changes.py", "tests/end_to_end/test_moving_powers.py"),
         ("the range of what changes inside", "self.boxed), sub(high, low), rate)", "self.boxed), rate)"),

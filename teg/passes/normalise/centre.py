@@ -78,8 +78,9 @@ def _centred(node: Integral, keys: Keys) -> Expr:
 
     skeleton = cast(Expr, rewrite([body], named)[body])
     pieces = []
+    skeleton, centre, distance = _around_centre(skeleton, x)
     for i, c in enumerate(centres):
-        at: dict[Var, Expr] = {x: add(c, x)}
+        at: dict[Var, Expr] = {x: add(c, x), centre: c, distance: x}
         near = skeleton
         for g, name in names.items():
             argument = by_key[keys.of(cast(Expr, g))]
@@ -92,6 +93,21 @@ def _centred(node: Integral, keys: Keys) -> Expr:
         a, b = [low, *splits][i], [*splits, high][i]
         pieces.append(integral_over(cast(Expr, substitute(near, at)), x, _minus(a, c), _minus(b, c)))
     return where(conjunction(*(a.exists for a in arguments)), mul(sign, add(*pieces)), node)
+
+
+def _around_centre(e: Expr, x: Var) -> tuple[Expr, Var, Var]:
+    """Returns an integrand with sums x + a + … as w + (c + a + …), and the names of c and w, where x will be c + w. From a side a near c
+    the distance is then known to the rounding of w, not to that of x."""
+    centre = fresh("c", {*e.free, x})
+    distance = fresh("w", {*e.free, x, centre})
+
+    def visit(_: Node, new: Node) -> Node:
+        if not isinstance(new, Add) or x not in new.children:
+            return new
+        outside = [term for term in new.children if x not in term.free]
+        return add(add(centre, *outside), distance, *(term for term in new.children if x in term.free and term is not x))
+
+    return cast(Expr, rewrite([e], visit)[e]), centre, distance
 
 
 def _factored(e: Expr, name: Var, i: int, curvature: Expr, distances: list[Expr]) -> tuple[Expr, dict[Var, Expr], Expr]:
