@@ -200,8 +200,8 @@ def _enclosed(sharp: Sharp, boxed: Enclosure) -> tuple[Expr, Expr]:
 
 
 def _where_not_null(sharp: Sharp) -> Expr:
-    """Returns the sharp value of an argument that is a `where` and 0 on one side as on the other: a condition that a box does not decide
-    would make its lower bound 0."""
+    """Returns the sharp value of a `where` that is 0 on one side of its condition, as on the other side everywhere: a condition that is not
+    decided over a box would make the lower bound 0."""
     u = sharp.argument
     if not isinstance(u, Where) or ZERO not in (u.then, u.otherwise):
         return sharp.value

@@ -17,13 +17,13 @@ from typing import cast
 
 from teg.analysis.calculus import slope
 from teg.analysis.intervals import Enclosure
-from teg.analysis.sharp import range_of, sizes
+from teg.analysis.sharp import LARGEST, range_of, sizes
 from teg.analysis.surfaces import binders_inside
 from teg.errors import NotDifferentiableError
-from teg.ir.expr import Call, Const, Expr, Pow, Var, const
+from teg.ir.expr import ZERO, Call, Const, Expr, Pow, Var, const
 from teg.ir.integral import Integral
 from teg.ir.node import Node, postorder
-from teg.ir.simplify import call, mul, sub
+from teg.ir.simplify import call, mul, positive, sub, where
 from teg.ir.traverse import fresh, rewrite_below
 
 SIZES = ("pow", "exp", "cosh", "sinh")
@@ -81,7 +81,8 @@ class Changes:
 
 
 def _bound_of_singular(node: Node, boxed: Enclosure) -> Expr | None:
-    """Returns a bound of a power of g between -1 and 0 over a box, but for what is very near to g = 0; None for other nodes."""
+    """Returns a bound of a power of g between -1 and 0 over a box, but for what is very near to g = 0, if |g| has a largest value there;
+    None for other nodes."""
     match node:
         case Pow(base=Call(name="sqrt" | "root") as root):
             g, exponent = root.children[0], 0.5 * float(node.exponent)
@@ -94,4 +95,5 @@ def _bound_of_singular(node: Node, boxed: Enclosure) -> Expr | None:
     if not -1.0 < exponent < 0.0 or g.has_integral:
         return None
     least, most = boxed.of(call("magnitude", g))
-    return call("pow", call("max", least, mul(const(NEAR_ROOT), most)), const(exponent))
+    near = where(positive(sub(const(LARGEST), most)), mul(const(NEAR_ROOT), most), ZERO)
+    return call("pow", call("max", least, near), const(exponent))

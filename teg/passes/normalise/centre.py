@@ -22,6 +22,7 @@ from teg.analysis.extents import extent
 from teg.analysis.polynomial import Shadow
 from teg.analysis.roots import Root, solve
 from teg.analysis.singularities import SMOOTH, Keys, order_at, sharp_nodes, singular_arguments
+from teg.analysis.surfaces import binders_inside
 from teg.ir.expr import MINUS_ONE, ONE, TRUE, ZERO, Add, Call, Compare, Cond, Const, Expr, Mul, Pow, Var, Where, const, is_infinite
 from teg.ir.integral import Integral, integral_over, masses_of
 from teg.ir.node import Node, postorder
@@ -69,11 +70,12 @@ def _centred(node: Integral, keys: Keys) -> Expr:
     by_key = {keys.of(a.g): a for a in arguments}
     body = _with_powers(node.body, by_key, keys)
     names: dict[Node, Var] = {}
+    taken = {x, *body.free, *binders_inside(body)}
 
     def named(old: Node, new: Node) -> Node:
         """Returns a name for every node that is proportional to an argument."""
         if isinstance(new, Expr) and x in new.free and _is_surface(new) and keys.of(new) in by_key:
-            return names.setdefault(new, fresh("g", {x, *body.free, *names.values()}))
+            return names.setdefault(new, fresh("g", {*taken, *names.values()}))
         return new
 
     skeleton = cast(Expr, rewrite([body], named)[body])
@@ -98,8 +100,9 @@ def _centred(node: Integral, keys: Keys) -> Expr:
 def _around_centre(e: Expr, x: Var) -> tuple[Expr, Var, Var]:
     """Returns an integrand with sums x + a + … as w + (c + a + …), and the names of c and w, where x will be c + w. From a side a near c
     the distance is then known to the rounding of w, not to that of x."""
-    centre = fresh("c", {*e.free, x})
-    distance = fresh("w", {*e.free, x, centre})
+    taken = {x, *e.free, *binders_inside(e)}
+    centre = fresh("c", taken)
+    distance = fresh("w", taken)
 
     def visit(_: Node, new: Node) -> Node:
         if not isinstance(new, Add) or x not in new.children:
@@ -117,8 +120,9 @@ def _factored(e: Expr, name: Var, i: int, curvature: Expr, distances: list[Expr]
     """
     sign = MINUS_ONE if i == 0 else ONE
     apart, linear = mul(sign, distances[1 - i]), mul(sign, const(0.5), curvature, distances[i])
-    of_p = fresh("P", {*e.free, name})
-    of_l = fresh("L", {*e.free, name, of_p})
+    taken = {name, *e.free, *binders_inside(e)}
+    of_p = fresh("P", taken)
+    of_l = fresh("L", taken)
 
     def visit(old: Node, new: Node) -> Node:
         if isinstance(new, Compare) and new.g is name:
@@ -173,10 +177,9 @@ def _edges(node: Integral) -> Iterator[Expr]:
     """Yields the places where an integrand begins or ends, as they are written. A root at one of them must be that place to the last digit:
     between p and √(4/p²)·p²/2 lies 1e-8 of ∫ (1 - x²/p²)^-½ dx."""
     yield from (b for b in (node.lo, node.hi) if not is_infinite(b))
-    for n in postorder([node.body]):
-        if isinstance(n, Compare) and node.var in n.free and not n.g.has_integral and Shadow((node.var,)).degree(n.g) == 1:
-            roots = solve(n.g, node.var, node.lo, node.hi)
-            yield from (r.point for r in roots.found) if roots is not None else ()
+    for h in _conditions(node, 1):
+        roots = solve(h, node.var, node.lo, node.hi)
+        yield from (r.point for r in roots.found) if roots is not None else ()
 
 
 def _as_in_conditions(g: Expr, node: Integral, keys: Keys) -> Expr:
@@ -184,11 +187,19 @@ def _as_in_conditions(g: Expr, node: Integral, keys: Keys) -> Expr:
     equal to the last digit, as those of x² + y² < p² and of 1 - (x² + y²)/p²."""
     x = node.var
     curvature = slope(slope(g, x), x)
-    conditions = [n.g for n in postorder([node.body]) if isinstance(n, Compare) and x in n.g.free and not n.g.has_integral]
-    for h in conditions:
-        if Shadow((x,)).degree(h) == 2 and keys.vanishes(sub(mul(g, slope(slope(h, x), x)), mul(h, curvature))):
+    for h in _conditions(node, 2):
+        if keys.vanishes(sub(mul(g, slope(slope(h, x), x)), mul(h, curvature))):
             return h
     return g
+
+
+def _conditions(node: Integral, degree: int) -> Iterator[Expr]:
+    """Yields the functions of a degree in the variable, without variables of inner integrals, that an integrand compares with 0."""
+    compared = [n for n in postorder([node.body]) if isinstance(n, Compare)]
+    for n in compared:
+        known = node.var in n.free <= node.body.free and not n.g.has_integral
+        if known and Shadow((node.var,)).degree(n.g) == degree:
+            yield n.g
 
 
 def _sum_of_roots(g: Expr, x: Var) -> Expr:

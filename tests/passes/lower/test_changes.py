@@ -55,6 +55,12 @@ def test_beside_an_integrable_singularity_the_bound_is_that_of_what_is_not_too_n
     assert bound((x - 0.25) ** -1.5 * power, power, 1e-9) == math.inf
 
 
+def test_a_power_of_what_has_no_largest_value_is_bounded_where_that_is_least() -> None:
+    power = (x - 0.3) ** 20
+    changes = Changes([(1 / x + 1) ** -0.5 * power], Enclosure({x: (const(0.0), const(0.5))}))
+    assert 3.0**-0.5 * 1e-9 <= float(values_of([changes.of(power, const(1e-9), None)], {})[0]) <= 1e-9
+
+
 def test_a_slope_that_tells_of_a_step_is_no_size() -> None:
     step = teg.tanh(100 * x)
     assert bound(step, step, 1e-9) == math.inf

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 
 import teg
@@ -111,6 +112,30 @@ def test_the_distance_from_a_corner_to_which_a_singular_line_runs_is_not_rounded
     f = teg.compile(e)
     assert f.grad(**at)["p"] == pytest.approx(gradient["p"], abs=1e-10)
     assert f.evaluations(derivatives=1, **at) < 2_000_000
+
+
+@pytest.mark.parametrize("name", ["c", "w", "g", "P", "L", "c′"])
+def test_the_names_of_inner_variables_do_not_matter(name: str) -> None:
+    """What is written in the distance w from a centre c has names of its own, also inside an inner integral over a variable w."""
+    z = teg.var(name)
+    inner = teg.exp(z * (x + z)) + teg.exp(z * (x - p))
+    f = teg.compile(teg.integral(abs(x - p) ** -0.5 * teg.integral(inner, (z, 0, 1)), (x, 0, 1)), [p])
+    nodes, weights = np.polynomial.legendre.leggauss(40)
+    nodes, weights = 0.5 * (nodes + 1.0), 0.5 * weights
+    expected = 0.0
+    for side, length in ((-1.0, 0.3), (1.0, 0.7)):  # x = p ± u², so that dx/|x - p|^½ is 2·du
+        place = 0.3 + side * length * nodes[:, None] ** 2
+        below = np.exp(nodes * (place + nodes)) + np.exp(nodes * (place - 0.3))
+        expected += 2.0 * math.sqrt(length) * float(weights @ below @ weights)
+    assert f(p=0.3) == pytest.approx(expected, rel=1e-10)
+
+
+def test_a_condition_of_an_inner_integral_is_no_edge() -> None:
+    """v·(x² - p²) > 0 has the roots of x² - p², but v is not known outside."""
+    inner = teg.integral(teg.where(v * (x * x - p * p) < 0.1 * v, 1, 2), (v, 1, 2))
+    f = teg.compile(teg.integral(abs(x * x - p * p) ** -0.5 * inner, (x, 0, 1)), [p])
+    expected = math.pi / 2 + math.acosh(math.sqrt(0.35) / 0.5) + 2 * (math.acosh(1 / 0.5) - math.acosh(math.sqrt(0.35) / 0.5))
+    assert f(p=0.5) == pytest.approx(expected, rel=1e-9)
 
 
 def test_roots_in_a_known_order_are_not_compared() -> None:
