@@ -22,6 +22,7 @@ from teg.program.arrays import (
     Cells,
     Combined,
     Factors,
+    Gaps,
     Integers,
     Least,
     Load,
@@ -107,6 +108,8 @@ class StepPrinter(CellPrinter):
                         lines.append(f"if (!{array_of(step)}_taken) continue;")
                 case Least() | Factors():
                     lines += self._fold(step, depth)
+                case Gaps():
+                    lines += self._gaps(step, depth)
                 case Cells():
                     lines += self._cells(step, depth)
                 case Combined():
@@ -190,6 +193,37 @@ class StepPrinter(CellPrinter):
         inside = ["if (teg_stopped(pace)) break;", *self._block(step.body, depth + 1), *each]
         lo, hi = spelled(step.lo), spelled(step.hi)
         return [*start, f"for (int64_t {step.index} = {lo}; {step.index} < {hi}; {step.index}++) {{", *indent(*inside), "}"]
+
+    def _gaps(self, step: Gaps, depth: int) -> list[str]:
+        """Returns a sum over the gaps that candidates leave."""
+        at, count = f"{step.results[0]}_gaps", f"{step.results[0]}_count"
+        first, last = (spelled(end) if isinstance(end, str) else literal(float(end)) for end in (step.first, step.last))
+        given = ", ".join(spelled(v) if isinstance(v, str) else literal(float(v)) for v in step.values)
+        candidate = [
+            "if (teg_stopped(pace)) break;",
+            *self._block(step.body, depth + 1),
+            f"teg_add_covered(&{at}, {step.places}, (const double[]){{{given}}});",
+        ]
+        gap = [
+            f"const double {step.left} = k < {count} ? {at}.ends[2 * k] : {at}.first;",
+            f"const double {step.right} = k < {count} ? {at}.ends[2 * k + 1] : {at}.last;",
+            f"if (!teg_is_piece({step.left}, {step.right})) break;",
+            *self._block(step.inside, depth + 1),
+            *packed(f"{r} += {spelled(v)};" for r, v in zip(step.results, step.terms, strict=True)),
+        ]
+        return [
+            f"teg_gaps {at} = {{{first}, {last}, NULL, 0, 0, isnan({first}) || isnan({last}), 0}};",
+            f"for (int64_t {step.index} = {spelled(step.lo)}; {step.index} < {spelled(step.hi)}; {step.index}++) {{",
+            *indent(*candidate),
+            "}",
+            f"const int64_t {count} = teg_find_gaps(&{at});",
+            *packed([f"{r} = {at}.lost ? NAN : 0.0" for r in step.results], "double ", ", ", ";"),
+            f"for (int64_t k = 0; k <= {count} && !{at}.lost; k++) {{",
+            *indent(*gap),
+            "}",
+            f"if ({at}.full) note |= {NO_MEMORY};",
+            f"free({at}.ends);",
+        ]
 
     def _taken(self, step: Take) -> str:
         """Returns a number of a table."""

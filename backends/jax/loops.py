@@ -22,6 +22,7 @@ import numpy as np
 from jax import lax
 
 from teg.backends.jax.cells import cells_on_host, cells_with_most
+from teg.backends.jax.gaps import gaps_of_lanes
 from teg.backends.jax.kernel import JaxKernel
 from teg.backends.jax.lengths import Extents
 from teg.backends.jax.runtime import union
@@ -37,6 +38,7 @@ from teg.program.arrays import (
     Cells,
     Combined,
     Factors,
+    Gaps,
     Integers,
     Least,
     Like,
@@ -61,7 +63,8 @@ _JAX: dict[str, Callable[[Any, Any], Any]] = {
 BLOCK, WIDE_BLOCK = 2**17, 2**22
 """Iterations that run at a time, at most: on CPUs, whose caches hold so many, and on other devices, which need as many to be busy."""
 
-
+FEW_GAPS = 64
+"""So many gaps at least run at a time."""
 Targets = dict[int | str, Any]
 """What is added to: outputs by their numbers, tables by their names."""
 
@@ -153,6 +156,8 @@ class _Trace:
                     lanes.values[step.name] = self._entry(step.array, step.subscripts, lanes)
                 case Run():
                     note = note | self._run(step, lanes)
+                case Gaps():
+                    note = self._gaps(step, lanes, note)
                 case Least() | Factors() | Cells() | Rows():
                     note = self._fold(step, lanes, note)
                 case Loop():
@@ -232,12 +237,7 @@ class _Trace:
     def _fold(self, step: Least | Factors | Cells | Rows, lanes: _Lanes, note: Any) -> Any:
         """A loop whose iterations are not added up: all of them at once."""
         total, size = self.lengths[id(step)], lanes.size
-        counts = jnp.maximum(jnp.broadcast_to(jnp.asarray(_of(step.hi, lanes) - _of(step.lo, lanes), jnp.int64), (size,)), 0)
-        counts = counts if lanes.live is None else jnp.where(lanes.live, counts, 0)
-        inner, parent = lanes, jnp.zeros(0, jnp.int64)
-        if total:
-            inner, parent = self._inside(step, lanes, _Block(0, total, total), total, jnp.cumsum(counts))
-            _, note = self.block(step.body, inner, {}, note)
+        inner, parent, counts, note = self._all_at_once(step, lanes, note)
 
         def number(arg: Arg) -> Any:
             return jnp.broadcast_to(jnp.asarray(_of(arg, inner), jnp.float64), (total,))
@@ -261,6 +261,53 @@ class _Trace:
                 found = [jax.ops.segment_prod(v, parent, size) for v in ones] if total else [jnp.ones(size)] * len(step.results)
         single = size == 1 and lanes.live is None
         lanes.values.update((name, v[0] if single else v) for name, v in zip(step.results, found, strict=True))
+        return note
+
+    def _all_at_once(self, step: Loop, lanes: _Lanes, note: Any) -> tuple[_Lanes, Any, Any, Any]:
+        """The lanes of all iterations of a loop, the outer lane of each, how many each outer lane has, and the note."""
+        total = self.lengths[id(step)]
+        counts = jnp.maximum(jnp.broadcast_to(jnp.asarray(_of(step.hi, lanes) - _of(step.lo, lanes), jnp.int64), (lanes.size,)), 0)
+        counts = counts if lanes.live is None else jnp.where(lanes.live, counts, 0)
+        inner, parent = lanes, jnp.zeros(0, jnp.int64)
+        if total:
+            inner, parent = self._inside(step, lanes, _Block(0, total, total), total, jnp.cumsum(counts))
+            _, note = self.block(step.body, inner, {}, note)
+        return inner, parent, counts, note
+
+    def _gaps(self, step: Gaps, lanes: _Lanes, note: Any) -> Any:
+        """A sum over gaps. As few of the places where there may be one have one, these are computed some at a time."""
+        total, size = self.lengths[id(step)], lanes.size
+        inner, parent, _, note = self._all_at_once(step, lanes, note)
+
+        def on_lanes(arg: Arg, where: _Lanes, count: int) -> Any:
+            return jnp.broadcast_to(jnp.asarray(_of(arg, where), jnp.float64), (count,))
+
+        first, last = (on_lanes(end, lanes, size) for end in (step.first, step.last))
+        values = jnp.stack([on_lanes(v, inner, total) for v in step.values]) if total else jnp.zeros((len(step.values), 0))
+        found = gaps_of_lanes(values, (parent, inner.live if total else None), first, last)
+        live = found.live if lanes.live is None else found.live & lanes.live[jnp.minimum(found.lane, size - 1)]
+        order, count = jnp.argsort(~live, stable=True), jnp.sum(live)
+        room = min(len(order), max(size, FEW_GAPS))
+        order = jnp.concatenate([order, jnp.full(-len(order) % room, order[0])])
+
+        def some(carried: Any) -> Any:
+            start, sums, note = carried
+            at = lax.dynamic_slice(order, (start,), (room,))
+            here = start + jnp.arange(room) < count
+            lane = jnp.where(here, found.lane[at], 0)
+            given = {name: v[lane] if getattr(v := _of(name, lanes), "ndim", 0) else v for name in lanes.values}
+            given[step.left] = jnp.where(here, found.left[at], 0.0)
+            given[step.right] = jnp.where(here, found.right[at], 0.0)
+            within = _Lanes(given, room, here)
+            _, note = self.block(step.inside, within, {}, note)
+            terms = [_live(on_lanes(t, within, room), within) for t in step.terms]
+            return start + room, sums + jnp.stack([jax.ops.segment_sum(t, lane, size) for t in terms]), note
+
+        start = jnp.zeros((), count.dtype), jnp.zeros((len(step.results), size)), note
+        _, sums, note = lax.while_loop(lambda carried: carried[0] < count, some, start)
+        sums = jnp.where(found.lost, jnp.nan, sums)
+        single = size == 1 and lanes.live is None
+        lanes.values.update((name, v[0] if single else v) for name, v in zip(step.results, sums, strict=True))
         return note
 
     def _cells(self, step: Cells, lanes: _Lanes, rows: Any, counts: Any) -> list[Any]:

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from teg.backends.numpy.cells import cells_of_lanes
+from teg.backends.numpy.gaps import covered_by, gaps_of_lanes
 from teg.backends.plan import apply, listed_rows
 from teg.program import Program
 from teg.program.arrays import (
@@ -25,6 +26,7 @@ from teg.program.arrays import (
     Cells,
     Combined,
     Factors,
+    Gaps,
     Integers,
     Least,
     Like,
@@ -129,6 +131,8 @@ class Running:
                     self._least(step, lanes)
                 case Factors():
                     self._factors(step, lanes)
+                case Gaps():
+                    self._gaps(step, lanes)
                 case Cells():
                     self._cells(step, lanes)
                 case Rows():
@@ -233,6 +237,28 @@ class Running:
             self.lanes[name] = np.repeat(np.arange(lanes.size), hi - lo + 1)
             lanes.values[name] = np.cumsum(hi - lo + 1) - (hi - lo + 1) - lo  # the row of index 0
 
+    def _gaps(self, step: Gaps, lanes: Lanes) -> None:
+        first, last = (_numbers(end, lanes) for end in (step.first, step.last))
+        found = [(np.zeros(0, np.int64), np.zeros(0), np.zeros(0))]
+        lost = np.isnan(first) | np.isnan(last)
+        for inside, parent in self._iterations(step, lanes):
+            values = np.stack([_numbers(v, inside) for v in step.values])
+            lane, covered = covered_by(values, first[parent], last[parent])
+            lost[parent[lane]] = True
+            found.append((parent[covered[0]], *covered[1:]))
+        lane, left, right = gaps_of_lanes(*(np.concatenate(parts) for parts in zip(*found, strict=True)), first, last)
+        known = ~lost[lane]
+        sums = np.where(lost, np.nan, np.zeros((len(step.results), lanes.size)))
+        for start in range(0, int(known.sum()), BLOCK):
+            parent, p, q = (v[known][start : start + BLOCK] for v in (lane, left, right))
+            used = self.kernel._used[id(step)]
+            inner = {name: v[parent] if v.ndim else v for name in used if (v := lanes.values.get(name)) is not None}
+            inside = Lanes({**inner, step.left: p, step.right: q}, parent.size, lanes.element[parent])
+            self.block(step.inside, inside)
+            for row, value in zip(sums, step.terms, strict=True):
+                row += np.bincount(parent, weights=_numbers(value, inside), minlength=lanes.size)
+        lanes.values.update(zip(step.results, sums, strict=True))
+
     def _combined(self, step: Combined, lanes: Lanes) -> None:
         forms, lane = step.shape.forms, self.lanes[step.of[0]]
         whole = self.tables[step.of[0]][:, : step.shape.columns].copy()
@@ -292,7 +318,7 @@ def lane_values(arg: Arg, lanes: Lanes) -> Array:
 
 def _used(loop: Loop) -> frozenset[Arg]:
     """Returns the names that the steps of a loop use, its own included."""
-    names: set[Arg] = set(operands(loop, "body"))
-    for step in steps(loop.body):
+    names: set[Arg] = set(operands(loop, "body")) | (set(operands(loop, "inside")) if isinstance(loop, Gaps) else set())
+    for step in steps((*loop.body, *(loop.inside if isinstance(loop, Gaps) else ()))):
         names.update([f"p{step.args[0]}"] if isinstance(step, Integers) and step.op == "param" else operands(step))
     return frozenset(n for n in names if isinstance(n, str))

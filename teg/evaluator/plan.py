@@ -30,22 +30,27 @@ from teg.ir import simplify
 from teg.ir.arrays import Array, has_arrays
 from teg.ir.expr import Expr, Param, Var
 from teg.ir.index import ArrayName
+from teg.ir.node import postorder
 from teg.ir.still import released
+from teg.ir.uncovered import Uncovered
 from teg.maps.diffeomorphism import Diffeomorphism
+from teg.passes.differentiate.edges import Refused, along_edges
 from teg.passes.differentiate.estimators.estimator import Estimator
 from teg.passes.differentiate.estimators.ignore import Ignore, ignore_discontinuities
 from teg.passes.differentiate.through_sums import Parameter, gradient, on_cells, tangent
 from teg.passes.intrinsics import with_loops
+from teg.passes.lower.gaps import schedule_places
 from teg.passes.lower.integrals import About
 from teg.passes.lower.loops import Output, output_of, schedule_arrays
 from teg.passes.lower.weights import has_relative_sums
 from teg.passes.normalise.canonicalise import canonicalise
+from teg.passes.normalise.choices import without_uncovered
 from teg.passes.normalise.inline import with_slots, without_slots, write_out
 from teg.passes.normalise.integers import with_sums_of_integers
 from teg.passes.normalise.tables import with_tables
 from teg.passes.program.errors_in_loops import with_array_error_estimates
 from teg.passes.program.link import with_bodies
-from teg.pipeline import Elimination, compiled_outputs, flat_program, flatten, jvp, normal_form, program_for
+from teg.pipeline import ESTIMATORS, Elimination, compiled_outputs, finished, flat_program, flatten, jvp, normal_form, program_for
 from teg.program import Program
 from teg.program.arrays import ArrayProgram
 
@@ -155,8 +160,9 @@ class Kept(Generic[K, V]):
 class Task:
     """The input of a derivation: the expression, the parameters of its derivatives, the arguments of the program, and the options.
 
-    `source` is the expression that is differentiated in the place of one with arrays; None if the estimator does not take it. Arguments are
-    `leaves`, then the directions, and the integers among the numbers at the end.
+    `source` is the expression that is differentiated in the place of one with arrays; None if the estimator does not take it. `values` is
+    the expression by which values are computed, if it is another one. Arguments are `leaves`, then the directions, and the integers among
+    the numbers at the end.
     """
 
     expression: Expr
@@ -167,6 +173,7 @@ class Task:
     estimator: Estimator
     maps: tuple[Diffeomorphism, ...]
     source: Expr | None = None
+    values: Expr | None = None
 
     @property
     def elimination(self) -> Elimination:
@@ -266,21 +273,29 @@ class Derivation:
             program = (flat_program if unfinished else program_for)(together, names, how, about=about)
             return replace(program, weighs_ties=is_second(wanted))
 
+        def places(cells: Sequence[Expr], names: Sequence[str], line: Var) -> Program:
+            covered, tie = (released(canonicalise(c)) for c in cells)
+            program = schedule_places(covered, tie, line, names, how)
+            return program if unfinished else finished(program)
+
         scalars = [p.name for p in arguments if isinstance(p, Param)]
-        return schedule_arrays(outputs, scalars, [p for p in arguments if isinstance(p, ArrayName)], flat, differentiated)
+        listed = [p for p in arguments if isinstance(p, ArrayName)]
+        return schedule_arrays(outputs, scalars, listed, (flat, places), differentiated)
 
     def _looped_outputs(self, wanted: Wanted, entry: int | None, tables: bool) -> list[Output]:
         """Returns the computed numbers and arrays, without δ. With `tables`, numbers of candidates are read from these."""
         task, entries = self.task, self.entries if entry is None else [self.entries[entry]]
+        values = flatten(task.expression if task.values is None else task.values)
+        values = values if entry is None else [values[entry]]
         moved = entries if task.source is None else [e for i, e in enumerate(flatten(task.source)) if entry in (None, i)]
         if tables:
-            entries, moved = ([with_tables(e) for e in several] for several in (entries, moved))
+            values, entries, moved = ([with_tables(e) for e in several] for several in (values, entries, moved))
         normal = partial(normal_form, maps=task.maps)
 
         def derive(cell: Expr, wrt: Sequence[Param]) -> list[Expr]:
             return flatten(compiled_outputs(cell, wrt, 1, task.estimator, task.elimination)[1])
 
-        found: list[Output] = [output_of(on_cells(leaf, normal)) for leaf in entries] if wanted.values else []
+        found: list[Output] = [output_of(on_cells(leaf, normal)) for leaf in values] if wanted.values else []
         sources = list(moved) if wanted.orders and (wanted.values or not wanted.along) else []
         sources += [self._tangent(leaf, wanted) for leaf in entries] if wanted.along else []
         exact = task.estimator.name == "exact"
@@ -329,7 +344,10 @@ class Plan:
         abstract, self.functions = (with_sums_of_integers(e), ()) if in_loops else with_slots(write_out(e))
         how = options.integration, options.estimator, tuple(options.maps)
         source = None if source is None else with_sums_of_integers(source)
-        self.derivation = _derivation(Task(abstract, self.wrt, self.leaves, self.integers, *how, source))
+        values = None
+        if in_loops and any(isinstance(n, Uncovered) for n in postorder([abstract])):
+            abstract, values = _followed(abstract)
+        self.derivation = _derivation(Task(abstract, self.wrt, self.leaves, self.integers, *how, source, values))
         self.entries, self.has_loops = flatten(e), self.derivation.has_loops
         self._linked: Kept[tuple[Wanted, int | None, bool, Integration | None], Program] = Kept()
 
@@ -349,6 +367,19 @@ class Plan:
             return with_bodies(cast(Program, self.derivation.program(wanted, entry, errors, how)), self.functions)
 
         return self._linked.get((wanted, entry, errors, how), linked)
+
+
+def _followed(e: Expr) -> tuple[Expr, Expr | None]:
+    """Returns a program, and how its values are computed if its candidates can be followed along their edges; else they are written
+    out. Raises NeedsLengths."""
+
+    def derive(cell: Expr, wrt: Sequence[Param]) -> list[Expr]:
+        return flatten(compiled_outputs(cell, wrt, 1, ESTIMATORS["exact"])[1])
+
+    try:
+        return e, along_edges(e, derive)
+    except Refused as refused:
+        return without_uncovered(e, refused.reason), None
 
 
 def _has_loops(e: Expr, leaves: Sequence[Param | ArrayName], integers: Sequence[Param]) -> bool:

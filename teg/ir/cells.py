@@ -19,6 +19,7 @@ from teg.ir.index import ArrayName, Index, IndexConst, IndexValue, IndexVar, Len
 from teg.ir.node import Node, postorder
 from teg.ir.show import show
 from teg.ir.traverse import rebuild, rewrite_below
+from teg.ir.uncovered import Gaps
 
 SHOWN = 60
 """The largest number of characters of a sum in the name of its symbol."""
@@ -86,12 +87,12 @@ def _title(leaf: Expr, number: int) -> str:
 
 
 def cellwise(root: Expr, step: Callable[[Expr], Expr]) -> Expr:
-    """Returns the program with a scalar pass applied to every cell, inner sums first."""
+    """Returns the program with a scalar pass applied to every cell, inner sums first; not in sums over gaps, which are finished."""
     new: dict[Node, Node] = {}
     for node in postorder([root]):
         children = tuple(new[c] for c in node.children)
         new[node] = rebuild(node, children)
-        if isinstance(node, Ranged):
+        if isinstance(node, Ranged) and not isinstance(node, Gaps):
             new[node] = node.over(tuple(_on_cell(cast(Expr, c), step) for c in children), node.index, node.lo, node.hi)
     return _on_cell(cast(Expr, new[root]), step)
 

@@ -8,6 +8,7 @@
            | names = winner i in [lo, hi): steps    Least: each result is the index of the least value
            | names = Π i in [lo, hi): steps         Factors: each result is the product of its values
            | names = ∫∫ nearest i in [lo, hi): steps    Cells: each result is the integral of the polynomial of the nearest candidate
+           | names = gaps i in [lo, hi): steps      Gaps: each result is the sum of its value over the gaps that the iterations leave
            | table = rows i in [lo, hi): steps      Rows: a table with the values of each iteration
            | table = Σ weight·table                 Combined: the derivatives of a weighted sum of results of Cells
            | table = zeros                          Blank: a table that is added to
@@ -136,6 +137,34 @@ class Cells(Loop):
     otherwise: Annotated[tuple[Arg, ...], NUMBER] = ()
     tables: Annotated[tuple[str, ...], Result("integer")] = ()
     sizes: Annotated[tuple[str, ...], Result()] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Gaps(Loop):
+    """results = Σ terms over the gaps between `first` and `last` that the iterations do not cover; in the block `inside`, a gap is from
+    `left` to `right`.
+
+    `values` are n places p, ascending, +inf for those that are not there; then for each of the n + 1 pieces between neighbours of first, p₀,
+    …, pₙ₋₁, last, with places beyond last moved there, whether the iteration covers it; then what counts where that is a tie, which it is
+    from TIE_FROM to TIE_TO. Pieces and gaps (p, q) thinner than PIECE_EPS·max(|p|, |q|) are left out. Every result is NaN if first, last, a
+    place, or whether a piece is covered is; 0 if first >= last.
+    """
+
+    values: Annotated[tuple[Arg, ...], Operand(at="body")]
+    first: Annotated[Arg, NUMBER] = 0.0
+    last: Annotated[Arg, NUMBER] = 0.0
+    left: Annotated[str, Variable(("inside",))] = ""
+    right: Annotated[str, Variable(("inside",))] = ""
+    inside: Annotated[tuple[Step, ...], Block()] = ()
+    terms: Annotated[tuple[Arg, ...], Operand(at="inside", each=True)] = ()
+
+    @property
+    def places(self) -> int:
+        """Returns how many places an iteration has."""
+        return (len(self.values) - 2) // 3
+
+
+TIE_FROM, TIE_TO = 0.25, 0.75
 
 
 @dataclass(frozen=True, slots=True)

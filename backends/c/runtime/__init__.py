@@ -85,7 +85,7 @@ from teg.program import (
     WATCH_WIDTH,
     WEIGHED,
 )
-from teg.program.arrays import CHUNKS, COPIES, LEAST
+from teg.program.arrays import CHUNKS, COPIES, LEAST, TIE_FROM, TIE_TO
 
 BLOCK = 64
 """Sobol' points in a block."""
@@ -120,6 +120,8 @@ LIMITS = {
     "TEG_LEAST": LEAST,
     "TEG_PIECE_EPS": PIECE_EPS,
     "TEG_TIE_EPS": TIE_EPS,
+    "TEG_TIE_FROM": TIE_FROM,
+    "TEG_TIE_TO": TIE_TO,
     "TEG_WEIGHED": WEIGHED,
     "TEG_ROUNDING": ROUNDING,
     "TEG_MAX_DEPTH": MAX_DEPTH,
@@ -234,6 +236,7 @@ TOPICS = (
     "fans",
     "kept",
     "eights",
+    "gaps",
 )
 """The headers, in the order in which they build on one another."""
 UNIT = "//: "

@@ -21,13 +21,15 @@ from teg.ir import operands, simplify
 from teg.ir.arrays import Array, Gather, Placed, Ranged, Slope, StillGather, Sum, Unit, has_arrays, integers_of, open_indices, sum_over
 from teg.ir.cells import APART, Symbols, cellwise, rename_indices, replace_integers, replaced
 from teg.ir.choices import Product, Winner
-from teg.ir.expr import ONE, ZERO, Expr, Param, Var
+from teg.ir.expr import MINUS_ONE, ONE, ZERO, Expr, Param, Var
 from teg.ir.index import ArrayName, IndexVar, index_leaves
 from teg.ir.node import Node, postorder
 from teg.ir.partition import Partition, Pullback, SeenSum
 from teg.ir.show import show
 from teg.ir.simplify import add, mul, positive, sub, where
 from teg.ir.tables import Collected, RowSum, Table, TableEntry, TableUnit
+from teg.ir.uncovered import Uncovered
+from teg.passes.differentiate.edges import edges_of, inside_of, with_gaps
 from teg.passes.normalise.choices import without_choices
 from teg.passes.normalise.self_comparison import without_self_comparisons
 from teg.passes.normalise.sums import sums_outside
@@ -39,11 +41,12 @@ Along = Callable[[Expr, Mapping[Param | Var, Expr]], Expr]
 Parameter = Param | Array
 
 
-def outlined(e: Expr) -> Expr:
-    """Returns the program with its sums outside of integrals, and canonical indices. Raises NeedsLengths."""
+def outlined(e: Expr, edges: bool = False) -> Expr:
+    """Returns the program with its sums outside of integrals, and canonical indices; with `edges`, with integrals over what no candidate
+    covers. Raises NeedsLengths."""
     if not has_arrays(e):
         return e
-    return without_choices(rename_indices(sums_outside(without_self_comparisons(e))))
+    return without_choices(rename_indices(sums_outside(without_self_comparisons(e))), edges)
 
 
 def on_cells(e: Expr, step: Callable[[Expr], Expr]) -> Expr:
@@ -105,6 +108,8 @@ class _Gradient:
                 found = self._inside_partitions(weights, bound)
             elif isinstance(node, Table):
                 found = self._inside_table(node, weight)
+            elif isinstance(node, Uncovered):
+                found = {leaf: mul(weight, slope) for leaf, slope in self._inside_uncovered(node, bound).items()}
             else:
                 found = {leaf: mul(weight, slope) for leaf, slope in self._inside(node).items()}
             for leaf, term in found.items():
@@ -161,6 +166,16 @@ class _Gradient:
             around.setdefault(leaf, []).append(slope)
         return {leaf: add(*terms) for leaf, terms in around.items()}
 
+    def _inside_uncovered(self, node: Uncovered, bound: IndexVar | None) -> dict[Node, Expr]:
+        """Returns the derivatives of an integral over what no candidate covers: of the body, and as the edges of candidates move."""
+        found: dict[Node, list[Expr]] = {}
+        for leaf, slope in self.of(inside_of(node), bound).items():
+            found.setdefault(leaf, []).append(slope)
+        for edge in edges_of(node, node.body):
+            for leaf, slope in self.of(edge.cell, node.index).items():
+                found.setdefault(leaf, []).append(mul(MINUS_ONE, sum_over(slope, node.index, node.lo, node.hi)))
+        return {leaf: add(*terms) for leaf, terms in found.items()}
+
     def _inside_table(self, table: Table, derivative: Expr) -> dict[Node, Expr]:
         """Returns the derivatives by the leaves of a table, given the derivative by the table, which is a table itself."""
         adjoints = {
@@ -189,7 +204,7 @@ class _Gradient:
         (cell,) = symbols.into([e])
         wanted = [s for leaf, s in symbols.of.items() if leaf in self.active]
         wanted += [n for n in postorder([cell]) if isinstance(n, Param) and n in self.wrt]
-        slopes = symbols.out_of(list(self.derive(cell, wanted))) if wanted else []
+        slopes = symbols.out_of([with_gaps(slope, self.derive) for slope in self.derive(cell, wanted)]) if wanted else []
         by_leaf = {symbols.meaning.get(s, s): [slope] for s, slope in zip(wanted, slopes, strict=True) if slope is not ZERO}
         return cast("dict[Node, list[Expr]]", by_leaf)
 

@@ -24,6 +24,7 @@ from dataclasses import dataclass, replace
 from typing import cast
 
 from teg.analysis.calculus import slope
+from teg.analysis.half_angle import MAX_DEGREE, in_half_angle
 from teg.analysis.critical import Critical, critical_point, is_above_birth, least_height
 from teg.analysis.nest import Binder, Chain, divided, nest
 from teg.analysis.polynomial import Shadow, is_null
@@ -46,8 +47,6 @@ MAX_ASPECT = 1e10
 """The largest ratio of these gradients."""
 LARGEST = 1e6
 """The largest size of an ellipse relative to its box: its points lose as many digits."""
-MAX_DEGREE = 8
-"""The largest degree of a condition that is made a polynomial of t."""
 EIGHTH = math.pi / 4
 
 
@@ -304,7 +303,7 @@ def _quarter(curve: _Ellipse, number: int) -> Expr:
     half = call("tan", mul(const(0.5), angle))
 
     def algebraic(old: Compare, new: Expr, resolution: Cond | None) -> Cond:
-        polynomial = _in_half_angle(old.g, c, s, half)
+        polynomial = in_half_angle(old.g, c, s, half)
         return positive(new if polynomial is None else polynomial, old.strict, resolution, old.rivals)
 
     at_angle: dict[Var, Expr] = {c: call("cos", angle), s: call("sin", angle)}
@@ -349,26 +348,3 @@ def _without_constants(value: Expr, c: Var, s: Var) -> Expr:
 
     start: dict[Var, Expr] = {c: ONE, s: ZERO}
     return cast(Expr, rewrite([value], visit)[value])
-
-
-def _in_half_angle(p: Expr, c: Var, s: Var, half: Expr) -> Expr | None:
-    """Returns p(c, s)·(1 + t²)ⁿ for a polynomial p of degree n in cosine and sine, with t the tangent of half the angle; None for others.
-
-    As c² + s² = 1, another circle is a polynomial of degree 1.
-    """
-    degree = Shadow((c, s)).degree(p)
-    if degree is None or degree > MAX_DEGREE:
-        return None
-    if degree == 2:
-        square = mul(const(0.5), slope(slope(p, c), c))
-        on_circle = sub(p, mul(square, sub(add(integer_power(c, 2), integer_power(s, 2)), ONE)))
-        if Shadow((c, s)).degree(on_circle) == 1:
-            p, degree = on_circle, 1
-    t, z = fresh("t", p.free), fresh("z", p.free)  # z = 1/(1 + t²)
-    rate = cast(Expr, substitute(p, {c: sub(mul(const(2.0), z), ONE), s: mul(const(2.0), t, z)}))
-    terms, factor = [], 1.0
-    for k in range(degree + 1):
-        power = integer_power(add(ONE, integer_power(t, 2)), degree - k)
-        terms.append(mul(const(1.0 / factor), cast(Expr, substitute(rate, {z: ZERO})), power))
-        rate, factor = slope(rate, z), factor * (k + 1)
-    return cast(Expr, substitute(add(*terms), {t: half}))

@@ -15,11 +15,11 @@ from dataclasses import dataclass, field, replace
 from typing import cast
 
 from teg.errors import DeltaError
-from teg.ir import simplify
+from teg.ir import simplify, uncovered
 from teg.ir.arrays import Array, Gather, Placed, Ranged, Slope, Sum, Unit, open_indices
 from teg.ir.cells import APART, cell_leaves, replaced
 from teg.ir.choices import Product, Winner
-from teg.ir.expr import ONE, ZERO, Const, Expr, Param
+from teg.ir.expr import ONE, ZERO, Const, Expr, Param, Var
 from teg.ir.index import (
     ArrayName,
     Index,
@@ -49,6 +49,7 @@ from teg.program.arrays import (
     Cells,
     Combined,
     Factors,
+    Gaps,
     Integers,
     Least,
     Like,
@@ -69,6 +70,11 @@ from teg.program.verify import verified_arrays
 
 Schedule = Callable[[Sequence[Expr], Sequence[str], Sequence[Expr]], Program]
 """Returns a flat program of scalar outputs, given these, the names of the parameters, and the integrals whose derivatives they may hold."""
+Places = Callable[[Sequence[Expr], Sequence[str], Var], Program]
+"""Returns a flat program of the places where a candidate begins and ends to cover a line, which is a variable: given whether it covers it,
+and the same at ties, the names of the parameters, and the variable."""
+FIRST_LAST = Param.make(f"{APART}first", ()), Param.make(f"{APART}last", ())
+"""The ends of a line, for these programs."""
 Output = Expr | tuple[Array, Expr]
 """A number, or an array and the derivative by it."""
 _Place = tuple[int | str, Expr, Expr]
@@ -79,7 +85,7 @@ def schedule_arrays(
     outputs: Sequence[Output],
     parameters: Sequence[str],
     arrays: Sequence[ArrayName],
-    flat: Schedule,
+    flat: tuple[Schedule, Places],
     differentiated: Sequence[Expr] = (),
 ) -> ArrayProgram:
     """Returns one program for several outputs, which may be derivatives of the `differentiated` expressions."""
@@ -109,10 +115,10 @@ class _Level:
 
 
 class _ArrayScheduler:
-    def __init__(self, parameters: Sequence[str], arrays: Sequence[ArrayName], flat: Schedule, differentiated: Sequence[Expr]) -> None:
+    def __init__(self, parameters: Sequence[str], arrays: Sequence[ArrayName], flat: tuple[Schedule, Places], differentiated: Sequence[Expr]) -> None:
         self.parameters = tuple(parameters)
         self.arrays = tuple(arrays)
-        self.flat = flat
+        self.flat, self.places = flat
         self._sources = _sources(differentiated)
         self._number = {a: k for k, a in enumerate(self.arrays)}
         self._count = 0
@@ -228,6 +234,7 @@ class _ArrayScheduler:
                 level.steps.append(Least(*loop, values[: len(winners)], results, k.name, eligible=values[len(winners) :]))
                 level.names.update(zip(winners, results, strict=True))
             self._partitions([n for n in nodes if isinstance(n, Partition)], level)
+            self._gaps([n for n in nodes if isinstance(n, uncovered.Gaps)], level)
             for node in nodes:
                 if isinstance(node, Table):
                     self._rows[node] = self._table(node, level)
@@ -301,6 +308,29 @@ class _ArrayScheduler:
             level.steps.append(Cells(*loop, values, results, k.name, -1, shape, otherwise, tables))
             level.names.update(zip(group, results, strict=True))
             self._tables.update((n, (table, shape)) for n, table in zip(group, tables, strict=False))
+
+    def _gaps(self, nodes: Sequence[uncovered.Gaps], level: _Level) -> None:
+        """Emits sums over gaps; those over the same gaps share them."""
+        shared: dict[tuple[object, ...], list[uncovered.Gaps]] = {}
+        for node in nodes:
+            shared.setdefault(node.shared, []).append(node)
+        for group in shared.values():
+            node = group[0]
+            ends = dict(zip(FIRST_LAST, self._cell(level, cast("Sequence[Expr]", node.children[:2])), strict=True))
+            inner = _Level(level.depth + 1, node.index, level)
+            index = self._fresh("i", inner)
+            inner.names.update({node.index: index, **ends})
+            bounds = self._integer(node.lo, level), self._integer(node.hi, level)
+            values = self._flat(inner, [node.covered, node.tie], lambda cells, names, _, line=node.variable: self.places(cells, names, line))
+            gap = _Level(level.depth + 1, None, level)
+            left, right = (self._fresh("v", gap) for _ in node.ends)
+            gap.names.update(zip(node.ends, (left, right), strict=True))
+            terms = tuple(self._level(gap, [n.term for n in group], ()))
+            results = tuple(self._fresh("v", level) for _ in group)
+            title = node.index.name.split(APART)[0]
+            of = (*ends.values(), left, right, tuple(gap.steps), terms)
+            level.steps.append(Gaps(index, *bounds, tuple(inner.steps), tuple(values), results, title, -1, *of))
+            level.names.update(zip(group, results, strict=True))
 
     def _bound(self, level: _Level | None) -> Iterable[IndexVar]:
         while level is not None:
@@ -404,7 +434,7 @@ class _ArrayScheduler:
             names.update(zip(rest, self._flat(level, rest), strict=True))
         return [names[v] for v in values]
 
-    def _flat(self, level: _Level, roots: Sequence[Expr]) -> list[Arg]:
+    def _flat(self, level: _Level, roots: Sequence[Expr], flat: Schedule | None = None) -> list[Arg]:
         leaves = cell_leaves(roots)
         if any(isinstance(leaf, Unit) for leaf in leaves):
             raise DeltaError(
@@ -414,8 +444,9 @@ class _ArrayScheduler:
         cells = replaced(roots, cast("Mapping[Node, Expr]", symbols))
         inputs = [self._leaf(leaf, level) for leaf in leaves]
         plain = [p for p in postorder(cells) if isinstance(p, Param) and p not in set(symbols.values())]
+        plain += FIRST_LAST if flat is not None else ()
         given = [*inputs, *(self._leaf(p, level) for p in plain)]
-        program = self.flat(cells, [*(s.name for s in symbols.values()), *(p.name for p in plain)], self._sources_of(symbols))
+        program = (flat or self.flat)(cells, [*(s.name for s in symbols.values()), *(p.name for p in plain)], self._sources_of(symbols))
         program = replace(program, parameters=(*(str(leaf)[:60] for leaf in leaves), *(p.name for p in plain)))
         depths = [self._depth.get(a, 0) if isinstance(a, str) else 0 for a in given]
         return self._split(level, program, given, depths)

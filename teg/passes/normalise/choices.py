@@ -26,14 +26,17 @@ from teg.ir.node import Node, postorder
 from teg.ir.operands import as_number, less
 from teg.ir.simplify import add, bracket, conjunction, disjunction, integer_power, mul, negation, positive, sub, where
 from teg.ir.traverse import rebuild, replace_node
+from teg.ir.uncovered import Uncovered
 from teg.passes.normalise.bounded_choices import with_bounds_of_all
 from teg.passes.normalise.padded import at_place, most_of
 from teg.passes.normalise.partitions import MOST_WRITTEN, Refused, partitioned
 from teg.passes.normalise.sums import NeedsLengths
+from teg.passes.normalise.uncovered import over_uncovered, written
 
 
-def without_choices(root: Expr) -> Expr:
-    """Returns the program whose choices are partitions, winners, and products without variables of integration.
+def without_choices(root: Expr, edges: bool = False) -> Expr:
+    """Returns the program whose choices are partitions, winners, and products without variables of integration; with `edges`, integrals
+    over what no candidate covers, too.
 
     Raises NeedsLengths if a range must be written out whose length is known at run time only, ArrayIndexError if it cannot be.
     """
@@ -49,9 +52,26 @@ def without_choices(root: Expr) -> Expr:
             try:
                 new[node] = partitioned(closed)
             except Refused as refused:
-                new[node] = _written_out(closed, refused.reason)
+                uncovered = _over_uncovered(closed, edges)
+                new[node] = _written_out(closed, refused.reason) if uncovered is None else uncovered
     (root,) = replaced([root], new)
     return rename_indices(_folded(_written_out(root, "it stands in no integral")))
+
+
+def _over_uncovered(closed: Integral, edges: bool) -> Expr | None:
+    if not edges:
+        return None
+    try:
+        return over_uncovered(closed)
+    except Refused:
+        return None
+
+
+def without_uncovered(root: Expr, reason: str) -> Expr:
+    """Returns the program with the candidates of integrals over what they do not cover written out. Raises as `without_choices` does."""
+    new: dict[Node, Expr] = {n: _written_out(written(n), reason) for n in postorder([root]) if isinstance(n, Uncovered)}
+    (root,) = replaced([root], new)
+    return rename_indices(root)
 
 
 def has_choices(root: Node, inside: bool = False) -> bool:

@@ -96,7 +96,7 @@ def _term(body: Expr, bounds: Sequence[tuple[Var, Expr, Expr]]) -> Expr:
     return mul(*box.lengths, _partition(body, box))
 
 
-class _Choice(NamedTuple):
+class Choice(NamedTuple):
     """Candidates: their index and range as a node, key and condition, what the integrand is at one and where there is none."""
 
     over: Ranged
@@ -108,13 +108,13 @@ class _Choice(NamedTuple):
 
 def _is_one(body: Expr) -> bool:
     try:
-        _choice(body)
+        one_choice(body)
     except Refused:
         return False
     return True
 
 
-def _choice(body: Expr) -> _Choice:
+def one_choice(body: Expr) -> Choice:
     """Returns the one choice that an integrand depends on."""
     chosen = [n for n in postorder([body]) if isinstance(n, CHOICES) and n.free]
     inner = {c for n in chosen for c in postorder(n.children) if isinstance(c, CHOICES) and c.free}
@@ -146,11 +146,11 @@ def _choice(body: Expr) -> _Choice:
     ((key, condition),) = kinds.values()
     (value,) = replaced([body], cast("dict[Node, Expr]", at))
     (otherwise,) = replaced([body], cast("dict[Node, Expr]", none))
-    return _Choice(first, key, cast(Cond, cast(Node, condition)), value, otherwise)
+    return Choice(first, key, cast(Cond, cast(Node, condition)), value, otherwise)
 
 
 def _partition(body: Expr, box: _Box) -> Expr:
-    choice = _choice(indices_apart(body))  # so that candidates of one choice can be written with the index of another
+    choice = one_choice(indices_apart(body))  # so that candidates of one choice can be written with the index of another
     k = choice.over.index
     condition = with_affine_atoms(choice.condition)
     parts = _disjunctive(condition)

@@ -21,7 +21,7 @@ from teg.passes.program.link import with_bodies
 from teg.passes.program.sink import sink
 from teg.program import Arg as FlatArg
 from teg.program import Assign, Program
-from teg.program.arrays import Arg, ArrayProgram, Cells, Factors, Least, Load, Loop, Number, Run, Scatter, Step, Take, steps
+from teg.program.arrays import Arg, ArrayProgram, Cells, Factors, Gaps, Least, Load, Loop, Number, Run, Scatter, Step, Take, steps
 from teg.program.dce import without_dead_code
 from teg.program.fields import result_names, variables
 from teg.program.verify import verified_arrays
@@ -73,6 +73,8 @@ class _ArrayEstimator:
                     out.append(self._kernel(step))
                 case Least() | Factors() | Cells():
                     self._folded(step, iterations, out)
+                case Gaps():
+                    self._gaps(step, iterations, out)
                 case Loop():
                     self._loop(step, iterations, out)
                 case Take():
@@ -124,6 +126,16 @@ class _ArrayEstimator:
         self.errors.update(zip(step.results, results, strict=True))
         values, names = (*step.values, *errors), (*step.results, *results)
         out.append(replace(step, body=(*body, *last), values=values, results=names))
+
+    def _gaps(self, step: Gaps, iterations: Arg, out: list[Step]) -> None:
+        """Appends a sum over gaps, whose ends are exact to rounding, and its errors."""
+        inside = self._block(step.inside, iterations, ROUNDINGS)
+        last, errors = self._rounded([(t, ROUNDINGS) for t in step.terms])
+        results = tuple(self._fresh() for _ in step.results)
+        self.errors.update(zip(step.results, results, strict=True))
+        body = tuple(replace(s, program=_finished(s.program)) if isinstance(s, Run) else s for s in step.body)
+        terms, names = (*step.terms, *errors), (*step.results, *results)
+        out.append(replace(step, body=body, inside=(*inside, *last), terms=terms, results=names))
 
     def _folded(self, step: Least | Factors | Cells, iterations: Arg, out: list[Step]) -> None:
         """Appends a loop that adds nothing up. An index has no error; a product that of the product of larger factors."""

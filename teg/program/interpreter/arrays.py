@@ -11,6 +11,8 @@ import numpy as np
 
 from teg.numerics.cell_integrals import integrals
 from teg.program.arrays import (
+    TIE_FROM,
+    TIE_TO,
     AddTo,
     Arg,
     ArrayProgram,
@@ -18,6 +20,7 @@ from teg.program.arrays import (
     Cells,
     Combined,
     Factors,
+    Gaps,
     Integers,
     Least,
     Like,
@@ -31,6 +34,7 @@ from teg.program.arrays import (
     Take,
 )
 from teg.program.interpreter.machine import interpret
+from teg.program.limits import PIECE_EPS
 from teg.program.operations import INTEGER_OPERATIONS
 
 Entries = dict[tuple[int, ...], float]
@@ -91,6 +95,8 @@ class ArrayMachine:
                     self._factors(step)
                 case Cells():
                     self._cells(step)
+                case Gaps():
+                    self._gaps(step)
                 case Rows():
                     self._rows(step)
                 case Loop():
@@ -168,6 +174,25 @@ class ArrayMachine:
         first = self.of(step.lo)
         self.tables.update((name, (table, first)) for name, table in zip(step.tables, found.tables, strict=False))
 
+    def _gaps(self, step: Gaps) -> None:
+        first, last = self.number(step.first), self.number(step.last)
+        covered: list[tuple[float, float]] = []
+        is_known = first == first and last == last
+        n = step.places
+        for _ in self._iterations(step):
+            values = [self.number(v) for v in step.values]
+            places, flags, ties = values[:n], values[n : 2 * n + 1], values[2 * n + 1 :]
+            ends = [first, *(min(p, last) for p in places), last]
+            flags = [tie if TIE_FROM <= flag <= TIE_TO else flag for flag, tie in zip(flags, ties, strict=True)]
+            is_known &= not any(math.isnan(v) for v in (*places, *flags))
+            covered += [(p, q) for p, q, flag in zip(ends, ends[1:], flags, strict=False) if flag > TIE_TO and _is_piece(p, q)]
+        sums = [0.0 if is_known else math.nan] * len(step.results)
+        for p, q in _between(first, sorted(covered), last) if is_known else ():
+            self.values.update({step.left: p, step.right: q})
+            self.run(step.inside)
+            sums = [s + self.number(v) for s, v in zip(sums, step.terms, strict=True)]
+        self.values.update(zip(step.results, sums, strict=True))
+
     def _combined(self, step: Combined) -> None:
         tables, first = [self.tables[name][0] for name in step.of], self.tables[step.of[0]][1]
         weights = [self.number(w) for w in step.weights]
@@ -189,3 +214,16 @@ class ArrayMachine:
         for _ in self._iterations(step):
             sums = [s + self.number(v) for s, v in zip(sums, step.values, strict=True)]
         self.values.update(zip(step.results, sums, strict=True))
+
+
+def _is_piece(p: float, q: float) -> bool:
+    return q - p > PIECE_EPS * max(abs(p), abs(q))
+
+
+def _between(first: float, covered: Sequence[tuple[float, float]], last: float) -> Iterator[tuple[float, float]]:
+    """Yields the gaps that intervals in ascending order leave."""
+    end = first
+    for p, q in (*covered, (last, last)):
+        if _is_piece(end, p):
+            yield end, p
+        end = max(end, q)

@@ -1,0 +1,85 @@
+"""Integrals over what no candidate covers, of which there are as many as the data say.
+
+    e ::= … | uncovered[j: i..i, x, …](b, e; e, e, …)      ∫…∫ e over the part of a box where no j has b; then the bounds of each variable
+    e ::= … | gaps[j: i..i, s](e, e, b, b; e, …)           Σ of the numbers behind the semicolon over the gaps between covered intervals
+
+Users do not write them: `teg.passes.normalise.choices` makes the first of integrals of `teg.any`, `teg.passes.differentiate.edges` the
+second of the first.
+"""
+
+from __future__ import annotations
+
+from typing import Any, cast
+
+from teg.ir.arrays import Ranged
+from teg.ir.expr import Cond, Expr, Param, Var
+from teg.ir.node import union
+
+
+class Uncovered(Ranged, Expr):
+    """∫…∫ body over the part of a box that no candidate covers; data are (index, lo, hi, variables), the outermost variable first.
+
+    Children: the condition under which a candidate covers a point, the body, and a lower and an upper bound for each variable.
+    """
+
+    __slots__ = ()
+
+    def _free_variables(self) -> frozenset[Any]:
+        return union([c.free for c in self.children]) - set(self.variables)
+
+    @property
+    def variables(self) -> tuple[Var, ...]:
+        return cast("tuple[Var, ...]", self.data[3])
+
+    @property
+    def condition(self) -> Cond:
+        return cast(Cond, self.children[0])
+
+    @property
+    def body(self) -> Expr:
+        return cast(Expr, self.children[1])
+
+    @property
+    def bounds(self) -> tuple[tuple[Expr, Expr], ...]:
+        """Returns the lower and the upper bound of each variable."""
+        ends = cast("tuple[Expr, ...]", self.children[2:])
+        return tuple(zip(ends[::2], ends[1::2], strict=True))
+
+
+class Gaps(Ranged, Expr):
+    """Σ term over the gaps that candidates leave between `first` and `last`; data are (index, lo, hi, variable, left, right).
+
+    Children: first, last, whether a candidate covers the place of the variable, as 1 or 0, the same where it ties (there the border of a
+    candidate runs along the line of the variable), and the term, in which the parameters `left` and `right` are the ends of a gap.
+    """
+
+    __slots__ = ()
+
+    def _free_variables(self) -> frozenset[Any]:
+        return union([c.free for c in self.children]) - {self.variable}
+
+    @property
+    def variable(self) -> Var:
+        return cast(Var, self.data[3])
+
+    @property
+    def ends(self) -> tuple[Param, Param]:
+        """Returns the parameters that stand for the ends of a gap."""
+        return cast(Param, self.data[4]), cast(Param, self.data[5])
+
+    @property
+    def covered(self) -> Expr:
+        return cast(Expr, self.children[2])
+
+    @property
+    def tie(self) -> Expr:
+        return cast(Expr, self.children[3])
+
+    @property
+    def term(self) -> Expr:
+        return cast(Expr, self.children[4])
+
+    @property
+    def shared(self) -> tuple[object, ...]:
+        """Returns what sums over the same gaps have in common."""
+        return (*self.data, *self.children[:4])

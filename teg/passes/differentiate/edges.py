@@ -1,0 +1,333 @@
+"""Integrals over what no candidate covers, as integrals along the edges of the candidates: `teg.any` of smooth regions, however many.
+
+    m(x, y) = [no candidate covers (x, y)],     ∂m/∂x = -Σ_k m_k·∂[c_k]/∂x,     m_k = [no other candidate covers]
+
+    ∫∫ A·m dx dy        =  ∫ F(h, y)·m(h, y) dy + Σ_k ∫∫ F·m_k·∂[c_k]/∂x dx dy      ∂F/∂x = A, F = 0 at the lower bound; h the upper one
+    ∂/∂t of ∫∫ A·m      =  ∫∫ ∂A/∂t·m - Σ_k ∫∫ A·m_k·∂[c_k]/∂t
+    ∫ A(s)·m(s) ds      =  Σ over the gaps between covered intervals of ∫ A ds                                         `Gaps`
+
+∂[c_k] holds δ, so what is left are integrals along edges, in one variable s, in which candidates cover intervals. The passes eliminate δ
+without knowing what m is: a function of the coordinates without a body (`Slot`), in whose place the gaps come afterwards.
+
+Ties. Where the border of another candidate runs along an edge, candidates count as blown up a little, those of lower index more: of
+equal edges the first one is seen, edges from opposite sides hide each other.
+
+Cost: one term a program, however many candidates there are.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple, cast
+
+from teg.analysis.antiderivative import integrated
+from teg.analysis.calculus import slope
+from teg.analysis.half_angle import in_half_angle
+from teg.analysis.isolation import isolate
+from teg.analysis.surfaces import atoms_of, ordered
+from teg.analysis.tails import is_unbounded
+from teg.errors import NotDifferentiableError, TegError
+from teg.ir.arrays import sum_over
+from teg.ir.cells import APART, Symbols, replace_integers, replaced
+from teg.ir.expr import FALSE, MINUS_ONE, ONE, TRUE, ZERO, Compare, Cond, Const, Expr, Param, Var, const
+from teg.ir.function import Apply, Slot
+from teg.ir.index import Index, IndexVar
+from teg.ir.integral import Integral, PointMasses, integral_over
+from teg.ir.node import Node, postorder
+from teg.ir.operands import as_number, less
+from teg.ir.simplify import add, bracket, call, conjunction, disjunction, integer_power, mul, negation, positive, sub, where
+from teg.ir.still import with_still_parameters
+from teg.ir.traverse import fresh, rebuild, rewrite, rewrite_below, substitute
+from teg.ir.uncovered import Gaps, Uncovered
+
+Derive = Callable[[Expr, Sequence[Param]], Sequence[Expr]]
+"""The derivatives of a scalar expression by parameters, without δ."""
+SHIFT = Param.make(f"{APART}shift", ())
+LEFT, RIGHT = Param.make(f"{APART}left", ()), Param.make(f"{APART}right", ())
+
+
+class Refused(Exception):  # caught by the caller, which writes the candidates out
+    """Candidates cannot be followed along edges; the text says why."""
+
+    @property
+    def reason(self) -> str:
+        return str(self.args[0])
+
+
+class _Around(NamedTuple):
+    """What covers places: an index and its range, the condition, and the same where it ties, as a number."""
+
+    index: IndexVar
+    lo: Index
+    hi: Index
+    condition: Cond
+    tie: Expr
+
+
+def along_edges(root: Expr, derive: Derive) -> Expr:
+    """Returns the program with sums over gaps in the place of integrals over what is not covered. Raises Refused."""
+    new: dict[Node, Node] = {}
+    for node in postorder([root]):
+        result = rebuild(node, tuple([new[c] for c in node.children]))
+        new[node] = _value(result, derive) if isinstance(result, Uncovered) else result
+    return cast(Expr, new[root])
+
+
+def _value(node: Uncovered, derive: Derive) -> Expr:
+    if len(node.variables) == 1:
+        return _along_lines(mul(SHIFT, inside_of(node)), derive)
+    (y, x), ((low, high), (lo, hi)) = node.variables, node.bounds
+    u = fresh(x.name, [x, y, *node.body.free])
+    inner = Integral.make(u, (cast(Expr, substitute(node.body, {x: u})), lo, x))
+    known = integrated(inner)
+    reached = inner if known is None else known
+    seen = _seen(_before(node, x, hi, sub(hi, lo)), (y,))
+    line = integral_over(mul(cast(Expr, substitute(reached, {x: hi})), seen), y, low, high)
+    terms = [_along_lines(mul(SHIFT, line), derive)]
+    for edge in edges_of(node, reached, moved=SHIFT):
+        terms.append(sum_over(_along_lines(edge.cell, derive), node.index, node.lo, node.hi))
+    return add(*terms)
+
+
+def _along_lines(e: Expr, derive: Derive) -> Expr:
+    """Returns the derivative of an expression by the shift, where that is 0, as sums over gaps."""
+    symbols = Symbols()
+    (cell,) = symbols.into([e])
+    (rate,) = derive(cell, [SHIFT])
+    (still,) = replaced([rate], {SHIFT: ZERO})
+    return symbols.out_of([with_gaps(still, derive)])[0]
+
+
+def _seen(around: _Around, variables: Sequence[Var]) -> Expr:
+    """Returns 1 where nothing covers a place, else 0, as a function without a body."""
+    n = len(variables)
+    return Apply.make((Slot.make((0, n, n, None, (around, tuple(variables))), ()), (0,) * n), tuple(variables))
+
+
+def _before(node: Uncovered, x: Var, hi: Expr, length: Expr) -> _Around:
+    """Returns what covers the places just before the upper bound of the inner variable."""
+
+    def truth(atom: Compare) -> Cond:
+        return positive(mul(MINUS_ONE, length, _slope(atom.g, x)))
+
+    at = {x: hi}
+    condition = cast(Cond, substitute(node.condition, at))
+    return _Around(node.index, node.lo, node.hi, condition, cast(Expr, substitute(_at_tie(node.condition, truth, node.variables), at)))
+
+
+# -- edges -------------------------------------------------------------------------------------------------------------
+
+
+class Edge(NamedTuple):
+    """The edges of all candidates that one atom of their condition makes: the integral whose derivative by that atom alone is wanted."""
+
+    cell: Expr
+
+
+def edges_of(node: Uncovered, weight: Expr, moved: Param | None = None) -> Iterator[Edge]:
+    """Yields the edges of candidates, integrals of a `weight` that does not move with them; with `moved`, they are moved along x by it."""
+    y_x, bounds = node.variables, node.bounds
+    fixed = (lambda e: e) if moved is not None else with_still_parameters
+    for atom in atoms_of(node.condition):
+        if atom.free.isdisjoint(y_x):
+            continue
+        holds, fails = (cast(Cond, replaced([cast(Expr, node.condition)], {atom: cast(Expr, t)})[0]) for t in (TRUE, FALSE))
+        side = sub(bracket(holds), bracket(fails))
+        surface: Cond = atom
+        if moved is not None:
+            surface = cast(Cond, substitute(atom, {y_x[-1]: add(y_x[-1], moved)}))
+        cell = mul(fixed(mul(weight, side)), _seen(_others(node, atom, side), y_x), bracket(surface))
+        for v, (lo, hi) in reversed(list(zip(y_x, bounds, strict=True))):
+            cell = integral_over(cell, v, fixed(lo), fixed(hi))
+        yield Edge(cell)
+
+
+def inside_of(node: Uncovered) -> Expr:
+    """Returns the integral of the body over what is not covered, a cell in which that does not move."""
+    around = _Around(node.index, node.lo, node.hi, node.condition, bracket(node.condition))
+    cell = mul(node.body, _seen(around, node.variables))
+    for v, (lo, hi) in reversed(list(zip(node.variables, node.bounds, strict=True))):
+        cell = integral_over(cell, v, lo, hi)
+    return cell
+
+
+def _others(node: Uncovered, atom: Compare, side: Expr) -> _Around:
+    """Returns what covers edges of candidates: the other ones."""
+    k, variables = node.index, node.variables
+    j = IndexVar.make(f"{k.name}{APART}other", ())
+    theirs = cast(Cond, cast(Node, replace_integers(cast(Expr, node.condition), {k: j})))
+    distance = sub(as_number(j), as_number(k))
+    different = positive(sub(integer_power(distance, 2), const(0.25)))
+
+    def truth(other: Compare) -> Cond:
+        either, both = _either_and_both(theirs, other)
+        turn = sub(*(bracket(cast(Cond, replaced([cast(Expr, theirs)], {other: cast(Expr, t)})[0])) for t in (TRUE, FALSE)))
+        dot = add(*(mul(_slope(atom.g, v), _slope(other.g, v)) for v in variables))
+        same = positive(mul(dot, side, turn))
+        wider = disjunction(negation(same), less(distance, ZERO, True))
+        return disjunction(both, conjunction(either, wider))
+
+    tie = where(different, _at_tie(theirs, truth, variables, whole=True), ZERO)
+    return _Around(j, node.lo, node.hi, conjunction(different, theirs), tie)
+
+
+def _either_and_both(condition: Cond, atom: Compare) -> tuple[Cond, Cond]:
+    """Returns whether a condition holds on either side of an atom, and whether on both."""
+    sides = [cast(Cond, replaced([cast(Expr, condition)], {atom: cast(Expr, t)})[0]) for t in (TRUE, FALSE)]
+    return disjunction(*sides), conjunction(*sides)
+
+
+def _at_tie(condition: Cond, truth: Callable[[Compare], Cond], variables: Sequence[Var], whole: bool = False) -> Expr:
+    """Returns a condition, as 1 or 0, where one of its atoms is 0 all along a line: the nearest one has a truth of its own.
+
+    With `whole`, that is the truth of the condition.
+    """
+    atoms = [a for a in atoms_of(condition) if not a.free.isdisjoint(variables)]
+    value: Expr = bracket(condition)
+    nearest: Expr | None = None
+    for atom in atoms:
+        settled = truth(atom)
+        if not whole:
+            settled = cast(Cond, replaced([cast(Expr, condition)], {atom: cast(Expr, settled)})[0])
+        steepness = add(*(integer_power(_slope(atom.g, v), 2) for v in variables))
+        distance = mul(integer_power(atom.g, 2), integer_power(steepness, -1)) if len(atoms) > 1 else ZERO
+        closer = TRUE if nearest is None else positive(sub(nearest, distance))
+        value = where(closer, bracket(settled), value)
+        nearest = distance if nearest is None else where(closer, distance, nearest)
+    return value
+
+
+def _slope(g: Expr, x: Var) -> Expr:
+    try:
+        return slope(g, x)
+    except NotDifferentiableError as error:
+        raise Refused(error.what) from None
+
+
+# -- gaps --------------------------------------------------------------------------------------------------------------
+
+
+def _marked(root: Node) -> list[Apply]:
+    """Returns the places in an expression that candidates may cover."""
+    return [n for n in postorder([root]) if isinstance(n, Apply) and isinstance(n.callee, Slot) and len(n.callee.data) > 4]
+
+
+def with_gaps(e: Expr, derive: Derive) -> Expr:
+    """Returns an expression without δ in which sums over gaps stand for what may be covered. Raises Refused."""
+    if not _marked(e):
+        return e
+
+    def replacement(node: Node) -> Node | None:
+        if isinstance(node, Integral) and _marked(node):
+            inner = [n for n in postorder([node.body]) if isinstance(n, Integral) and _marked(n)]
+            return _of_nest(node, inner, derive) if inner else _of_integral(node)
+        if isinstance(node, Apply) and _marked(node)[-1:] == [node]:
+            raise Refused("a corner of the box moves over candidates")
+        return None
+
+    return cast(Expr, rewrite_below([e], replacement)[e])
+
+
+def _of_integral(node: Integral) -> Expr:
+    marks = list(dict.fromkeys(_marked(node.body)))
+    if any(isinstance(n, PointMasses) for n in postorder([node.body])):
+        raise Refused("an edge has no formula")
+    (rest,) = replaced([node.body], dict.fromkeys(marks, ZERO))
+    terms = [integral_over(rest, node.var, node.lo, node.hi)]
+    for mark in marks:
+        (with_it,) = replaced([node.body], {m: ONE if m is mark else ZERO for m in marks})
+        weight = with_it if rest is ZERO else sub(with_it, rest)
+        around, variables = cast(Slot, mark.callee).data[4]
+        if any(mark.derivative):
+            raise Refused("an edge has no chart")
+        at = dict(zip(variables, cast("tuple[Expr, ...]", mark.children), strict=True))
+        placed = around._replace(condition=cast(Cond, substitute(around.condition, at)), tie=cast(Expr, substitute(around.tie, at)))
+        terms.append(_over_gaps(node, placed, weight))
+    return add(*terms)
+
+
+def _of_nest(node: Integral, inner: Sequence[Integral], derive: Derive) -> Expr:
+    """Returns an integral over integrals of what may be covered."""
+    (rest,) = replaced([node.body], dict.fromkeys(inner, ZERO))
+    terms = [integral_over(rest, node.var, node.lo, node.hi)]
+    for part in inner:
+        marks = list(dict.fromkeys(_marked(part.body)))
+        (unmarked,) = replaced([part.body], dict.fromkeys(marks, ZERO))
+        variables = (node.var, part.var)
+        plain = unmarked is ZERO and not (part.lo.free | part.hi.free) and node.var not in node.lo.free | node.hi.free
+        if not plain or len(marks) != 1 or marks[0].children != variables or any(marks[0].derivative):
+            raise Refused("an integral over two variables is no longer one over a box")
+        (body,) = replaced([part.body], {marks[0]: ONE})
+        (whole,) = replaced([node.body], {other: body if other is part else ZERO for other in inner})
+        around, names = cast(Slot, marks[0].callee).data[4]
+        condition = cast(Cond, substitute(around.condition, dict(zip(names, variables, strict=True))))
+        over = around.index, around.lo, around.hi, variables
+        weight = whole if rest is ZERO else sub(whole, rest)
+        terms.append(_value(cast(Uncovered, Uncovered.make(over, (condition, weight, node.lo, node.hi, part.lo, part.hi))), derive))
+    return add(*terms)
+
+
+def _over_gaps(node: Integral, around: _Around, weight: Expr) -> Expr:
+    """Returns the integral of a weight over what is not covered of the range of an integral."""
+    s, lo, hi = node.var, node.lo, node.hi
+    if weight is ZERO:
+        return ZERO
+    if is_unbounded(node):
+        raise Refused("a bound is infinite")
+    symbols = Symbols()
+    (cell, tie) = symbols.into([cast(Expr, around.condition), around.tie])
+    by_half_angle = _by_half_angle(_OnLine(cast(Cond, cell), tie, weight), s) if _turns_less_than_once(lo, hi) else None
+    condition, tie, weight = by_half_angle or _OnLine(cast(Cond, cell), tie, weight)
+    for atom in atoms_of(condition, s):
+        if any(isinstance(n, Integral) for n in postorder([atom])) or isolate(atom.g, s) is None:
+            raise Refused("a condition has no roots that can be found along an edge")
+    order = ordered(lo, hi)
+    first, last = (lo, hi) if order > 0 else (hi, lo) if order < 0 else (call("min", lo, hi), call("max", lo, hi))
+    sign = const(float(order)) if order else where(less(hi, lo, True), MINUS_ONE, ONE)
+    if by_half_angle is not None:
+        first, last = (call("tan", mul(const(0.5), end)) for end in (first, last))
+    covered, tie = symbols.out_of([bracket(condition), tie])
+    over = around.index, around.lo, around.hi, s, LEFT, RIGHT
+    return mul(sign, cast(Expr, Gaps.make(over, (first, last, covered, tie, integral_over(weight, s, LEFT, RIGHT)))))
+
+
+def _turns_less_than_once(lo: Expr, hi: Expr) -> bool:
+    return all(isinstance(end, Const) and abs(end.data) < 0.99 * math.pi for end in (lo, hi))
+
+
+class _OnLine(NamedTuple):
+    """What covers places of a line, the same where it ties, and the weight of places."""
+
+    condition: Cond
+    tie: Expr
+    weight: Expr
+
+
+def _by_half_angle(on_arc: _OnLine, angle: Var) -> _OnLine | None:
+    """Returns the same by the tangent of half the angle, in which conditions are polynomials; None if the angle occurs elsewhere than in
+    its cosine and sine, or in other functions of these than polynomials in a condition."""
+    c, s = (fresh(name, frozenset().union(*(e.free for e in on_arc))) for name in ("cos", "sin"))
+    circular: dict[Node, Node] = {call("cos", angle): c, call("sin", angle): s}
+    on_circle = rewrite(on_arc, lambda _, new: circular.get(new, new))
+    condition = cast(Cond, on_circle[on_arc.condition])
+    tie, weight = (cast(Expr, on_circle[e]) for e in on_arc[1:])
+    mark, half = fresh("half", [c, s, angle]), call("tan", mul(const(0.5), angle))
+    weight = cast(Expr, rewrite([weight], lambda _, new: mark if new is half else new)[weight])
+    if condition.free.isdisjoint((c, s)) or any(angle in e.free for e in (condition, tie, weight)):
+        return None
+    known = True
+
+    def visit(_: Node, new: Node) -> Node:
+        nonlocal known
+        if not isinstance(new, Compare) or new.free.isdisjoint((c, s)):
+            return new
+        polynomial = in_half_angle(new.g, c, s, angle)
+        known &= polynomial is not None
+        return new if polynomial is None else positive(polynomial, new.strict)
+
+    condition = cast(Cond, rewrite([condition], visit)[condition])
+    z = integer_power(add(ONE, integer_power(angle, 2)), -1)
+    at: dict[Var, Expr] = {c: sub(mul(const(2.0), z), ONE), s: mul(const(2.0), angle, z), mark: angle}
+    tie, weight = (cast(Expr, substitute(e, at)) for e in (tie, weight))
+    return _OnLine(condition, tie, mul(const(2.0), z, weight)) if known else None

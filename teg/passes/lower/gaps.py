@@ -1,0 +1,104 @@
+"""The flat program of one candidate of `Gaps`: where it begins and ends to cover a line, and which pieces it covers.
+
+    outputs   p₀, …, pₙ₋₁ ascending, +inf for places that are not there; whether each piece is covered; the same where it ties
+
+A piece is decided at one place inside of it. A condition ties there where it is 0 to rounding: it counts once as true, once as false, and the mean is
+½. Cost: n roots, and n + 1 times the condition.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import cast
+
+from teg.analysis.isolation import isolate
+from teg.analysis.roots import solve
+from teg.analysis.settings import Integration
+from teg.analysis.surfaces import atoms_of
+from teg.ir.expr import TRUE, Compare, Expr, Param, Var
+from teg.ir.node import Node
+from teg.ir.show import show
+from teg.ir.simplify import positive
+from teg.ir.traverse import rewrite
+from teg.passes.lower.emit import NAN, Emitter
+from teg.passes.lower.levels import Level
+from teg.passes.lower.roots import Roots
+from teg.program import INSIDE, Arg, Called, Program, Tie
+from teg.program.dce import without_dead_code
+
+SHOWN = 60
+
+
+def schedule_places(
+    covered: Expr, tie: Expr, place: Var, parameters: Sequence[str], how: Integration
+) -> Program:
+    """Returns the program of a candidate that covers a `place` where `covered` is 1. The last two parameters are the ends of the line."""
+    ends = Param.make(parameters[-2], ()), Param.make(parameters[-1], ())
+
+    def unexpected(*_: object) -> Arg:
+        raise AssertionError("whether a place is covered is no integral")
+
+    out = Emitter(parameters, cast("object", unexpected), unexpected)  # type: ignore[arg-type]
+    roots = Roots(out, lambda level, nodes: None, how.max_roots, how.tol)
+    top = Level(None, None, 0)
+    first, last = (out.number(end, top) for end in ends)
+    found: list[Arg] = []
+    for g in dict.fromkeys(atom.g for atom in atoms_of(covered, place)):
+        found += _roots_of(g, place, ends, roots, top)
+    is_known = [out.assign(top, "ok", p) for p in found]
+    places = _ascending(out, top, [_inside(out, top, p, first, last) for p in found])
+    decided = _deciding_ties(covered, place)
+    flags: list[Arg] = []
+    ties: list[Arg] = []
+    bounds = [first, *(out.assign(top, "min", p, last) for p in places), last]
+    for p, q in zip(bounds, bounds[1:], strict=False):
+        inside = out.assign(top, "add", p, out.assign(top, "mul", INSIDE, out.assign(top, "sub", q, p)))
+        level = Level(place, top, 1, names={place: inside}, block=top.block)
+        flags.append(out.number(decided, level))
+        ties.append(out.number(tie, level))
+    if is_known:
+        flags[0] = out.assign(top, "select", out.assign(top, "and", *is_known) if len(is_known) > 1 else is_known[0], flags[0], NAN)
+    functions = tuple(Called(*f) for f in out.functions)
+    outputs = (*places, *flags, *ties)
+    return without_dead_code(Program(tuple(parameters), tuple(top.block), outputs, tuple(Tie(*t) for t in out.ties), functions))
+
+
+def _roots_of(g: Expr, place: Var, ends: tuple[Param, Param], roots: Roots, top: Level) -> list[Arg]:
+    """Returns the roots of a function, by formulas if there are any."""
+    formulas = solve(g, place, *ends)
+    if formulas is not None and formulas.certain:
+        return [roots.point(root, top) for root in formulas.found]
+    isolation = isolate(g, place, roots.max_roots)
+    assert isolation is not None, "whoever makes gaps has seen to it"
+    return list(roots.isolated(isolation, *ends, top, None))
+
+
+def _inside(out: Emitter, top: Level, p: Arg, first: Arg, last: Arg) -> Arg:
+    """Returns a place, +inf if it does not lie between the ends."""
+    after = out.assign(top, "gt0", out.assign(top, "sub", p, first))
+    before = out.assign(top, "gt0", out.assign(top, "sub", last, p))
+    return out.assign(top, "select", out.assign(top, "and", after, before), p, math.inf)
+
+
+def _ascending(out: Emitter, top: Level, places: list[Arg]) -> list[Arg]:
+    """Returns numbers in ascending order, by exchanges of neighbours (Batcher's network of odd and even ones is shorter, but these are
+    few)."""
+    places = list(places)
+    for end in range(len(places) - 1, 0, -1):
+        for i in range(end):
+            low, high = (out.assign(top, op, places[i], places[i + 1]) for op in ("min", "max"))
+            places[i], places[i + 1] = low, high
+    return places
+
+
+def _deciding_ties(covered: Expr, place: Var) -> Expr:
+    """Returns whether a place is covered, ½ where a condition on it ties."""
+
+    def visit(old: Node, new: Node) -> Node:
+        if not isinstance(new, Compare) or place not in new.free:
+            return new
+        name = show(new.g, SHOWN)
+        return positive(new.g, new.strict, TRUE, (name, name))
+
+    return cast(Expr, rewrite([covered], visit)[covered])
