@@ -212,7 +212,7 @@ class StepPrinter(CellPrinter):
             *packed(f"{r} += {spelled(v)};" for r, v in zip(step.results, step.terms, strict=True)),
         ]
         return [
-            f"teg_gaps {at} = {{{first}, {last}, NULL, 0, 0, isnan({first}) || isnan({last}), 0}};",
+            f"teg_gaps {at} = {{{first}, {last}, NULL, 0, 0, isnan({first}) || isnan({last}), 0, 0}};",
             f"for (int64_t {step.index} = {spelled(step.lo)}; {step.index} < {spelled(step.hi)}; {step.index}++) {{",
             *indent(*candidate),
             "}",
@@ -222,6 +222,8 @@ class StepPrinter(CellPrinter):
             *indent(*gap),
             "}",
             f"if ({at}.full) note |= {NO_MEMORY};",
+            f"if ({at}.doubtful) ctx.missed = 1;",
+            *(f"const double {name} = {at}.doubtful;" for name in step.doubtful),
             f"free({at}.ends);",
         ]
 

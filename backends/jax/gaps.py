@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from jax import lax
 
 from teg.program import PIECE_EPS
-from teg.program.arrays import TIE_FROM, TIE_TO
+from teg.program.arrays import TIE_FROM, TIE_TO, TOUCH
 
 
 class LaneGaps(NamedTuple):
@@ -25,16 +25,20 @@ class LaneGaps(NamedTuple):
 def gaps_of_lanes(values: Any, candidates: tuple[Any, Any], first: Any, last: Any) -> LaneGaps:
     """The gaps between `first` and `last` of each lane.
 
-    `values` are those of `Gaps`, (3·n + 2, candidates); `candidates` are the lane of each, and whether it is live (None: all are).
+    `values` are those of `Gaps`, (3·n + 3, candidates); `candidates` are the lane of each, and whether it is live (None: all are).
     """
-    size, n = len(first), (len(values) - 2) // 3
+    size, n = len(first), (len(values) - 3) // 3
     parent, live = candidates
     live = jnp.ones(parent.shape, bool) if live is None else live
-    places, flags, ties = values[:n], values[n : 2 * n + 1], values[2 * n + 1 :]
-    flags = jnp.where((flags >= TIE_FROM) & (flags <= TIE_TO), ties, flags)
+    places, flags, ties = values[:n], values[n : 2 * n + 1], values[2 * n + 1 : -1]
+    ends = jnp.concatenate([first[parent][None], jnp.minimum(places, last[parent]), last[parent][None]])
+    tie = (flags >= TIE_FROM) & (flags <= TIE_TO)
+    touching = tie & (jnp.diff(ends, axis=0) < TOUCH * (last - first)[parent])
+    before = lax.cummax(jnp.where(touching, -1, jnp.arange(n + 1)[:, None]), axis=0)
+    from_piece = jnp.where(before < 0, jnp.argmin(touching, axis=0), before)
+    flags = jnp.take_along_axis(jnp.where(tie, ties, flags), from_piece, axis=0, mode="clip")
     unknown = live & (jnp.isnan(places).any(axis=0) | jnp.isnan(flags).any(axis=0))
     lost = jnp.isnan(first) | jnp.isnan(last) | (jax.ops.segment_max(unknown.astype(jnp.int32), parent, size) > 0)
-    ends = jnp.concatenate([first[parent][None], jnp.minimum(places, last[parent]), last[parent][None]])
     covered = (flags > TIE_TO) & _is_piece(ends[:-1], ends[1:]) & live
     lane = jnp.concatenate([jnp.where(covered, parent, size).reshape(-1), jnp.arange(size)])
     p = jnp.concatenate([ends[:-1].reshape(-1), last])  # the end of a line is an interval without length

@@ -285,6 +285,8 @@ class _Trace:
         first, last = (on_lanes(end, lanes, size) for end in (step.first, step.last))
         values = jnp.stack([on_lanes(v, inner, total) for v in step.values]) if total else jnp.zeros((len(step.values), 0))
         found = gaps_of_lanes(values, (parent, inner.live if total else None), first, last)
+        doubtful = jax.ops.segment_sum(_live(jnp.where(values[-1] > 0.0, 1.0, 0.0), inner), parent, size) if total else jnp.zeros(size)
+        note = note | jnp.where(jnp.any(doubtful > 0.0), MISSED, 0)
         live = found.live if lanes.live is None else found.live & lanes.live[jnp.minimum(found.lane, size - 1)]
         order, count = jnp.argsort(~live, stable=True), jnp.sum(live)
         room = min(len(order), max(size, FEW_GAPS))
@@ -307,7 +309,8 @@ class _Trace:
         _, sums, note = lax.while_loop(lambda carried: carried[0] < count, some, start)
         sums = jnp.where(found.lost, jnp.nan, sums)
         single = size == 1 and lanes.live is None
-        lanes.values.update((name, v[0] if single else v) for name, v in zip(step.results, sums, strict=True))
+        named = zip((*step.results, *step.doubtful), (*sums, doubtful), strict=False)
+        lanes.values.update((name, v[0] if single else v) for name, v in named)
         return note
 
     def _cells(self, step: Cells, lanes: _Lanes, rows: Any, counts: Any) -> list[Any]:

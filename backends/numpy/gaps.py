@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from teg.program import PIECE_EPS
-from teg.program.arrays import TIE_FROM, TIE_TO
+from teg.program.arrays import TIE_FROM, TIE_TO, TOUCH
 
 Array = npt.NDArray[Any]
 
@@ -16,15 +16,26 @@ Array = npt.NDArray[Any]
 def covered_by(values: Array, first: Array, last: Array) -> tuple[Array, tuple[Array, Array, Array]]:
     """Returns the candidates of which it is not known what they cover, and what the others cover: a candidate, p and q for each interval.
 
-    `values` are those of `Gaps`, (3·n + 2, candidates); `first` and `last` are the ends of the line of each candidate.
+    `values` are those of `Gaps`, (3·n + 3, candidates); `first` and `last` are the ends of the line of each candidate.
     """
-    n = (len(values) - 2) // 3
-    places, flags, ties = values[:n], values[n : 2 * n + 1], values[2 * n + 1 :]
-    flags = np.where((flags >= TIE_FROM) & (flags <= TIE_TO), ties, flags)
-    lost = np.isnan(places).any(axis=0) | np.isnan(flags).any(axis=0)
+    n = (len(values) - 3) // 3
+    places, flags, ties = values[:n], values[n : 2 * n + 1], values[2 * n + 1 : -1]
     ends = np.concatenate([first[None], np.minimum(places, last), last[None]])
+    tie = (flags >= TIE_FROM) & (flags <= TIE_TO)
+    flags = settled(np.where(tie, ties, flags), tie & (np.diff(ends, axis=0) < TOUCH * (last - first)))
+    lost = np.isnan(places).any(axis=0) | np.isnan(flags).any(axis=0)
     piece, candidate = np.nonzero((flags > TIE_TO) & is_piece(ends[:-1], ends[1:]) & ~lost)
     return np.flatnonzero(lost), (candidate, ends[piece, candidate], ends[piece + 1, candidate])
+
+
+def settled(flags: Array, touching: Array) -> Array:
+    """Returns whether pieces are covered; those that only touch as the piece before them that does not, or else the one behind."""
+    if not touching.any():
+        return flags
+    n = np.arange(len(flags))[:, None]
+    before = np.maximum.accumulate(np.where(touching, -1, n), axis=0)
+    behind = np.argmin(touching, axis=0)
+    return np.take_along_axis(flags, np.where(before < 0, behind, before), axis=0)
 
 
 def gaps_of_lanes(lane: Array, p: Array, q: Array, first: Array, last: Array) -> tuple[Array, Array, Array]:

@@ -240,13 +240,16 @@ class Running:
     def _gaps(self, step: Gaps, lanes: Lanes) -> None:
         first, last = (_numbers(end, lanes) for end in (step.first, step.last))
         found = [(np.zeros(0, np.int64), np.zeros(0), np.zeros(0))]
-        lost = np.isnan(first) | np.isnan(last)
+        lost, doubtful = np.isnan(first) | np.isnan(last), np.zeros(lanes.size)
         for inside, parent in self._iterations(step, lanes):
             values = np.stack([_numbers(v, inside) for v in step.values])
+            doubtful += np.bincount(parent, weights=values[-1] > 0.0, minlength=lanes.size)
             lane, covered = covered_by(values, first[parent], last[parent])
             lost[parent[lane]] = True
             found.append((parent[covered[0]], *covered[1:]))
         lane, left, right = gaps_of_lanes(*(np.concatenate(parts) for parts in zip(*found, strict=True)), first, last)
+        self.missed |= bool(doubtful.any())
+        lanes.values.update(dict.fromkeys(step.doubtful, doubtful))
         known = ~lost[lane]
         sums = np.where(lost, np.nan, np.zeros((len(step.results), lanes.size)))
         for start in range(0, int(known.sum()), BLOCK):

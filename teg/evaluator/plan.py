@@ -176,6 +176,11 @@ class Task:
     values: Expr | None = None
 
     @property
+    def follows_edges(self) -> bool:
+        """Returns whether candidates are followed along their edges, for values and first derivatives."""
+        return self.values is not None
+
+    @property
     def elimination(self) -> Elimination:
         """Returns how δ are eliminated."""
         return Elimination(self.maps, self.integration.closed_forms)
@@ -346,10 +351,15 @@ class Plan:
         source = None if source is None else with_sums_of_integers(source)
         values = None
         if in_loops and any(isinstance(n, Uncovered) for n in postorder([abstract])):
-            abstract, values = _followed(abstract)
+            abstract, values = _followed(abstract, self.wrt)
         self.derivation = _derivation(Task(abstract, self.wrt, self.leaves, self.integers, *how, source, values))
         self.entries, self.has_loops = flatten(e), self.derivation.has_loops
         self._linked: Kept[tuple[Wanted, int | None, bool, Integration | None], Program] = Kept()
+
+    @property
+    def follows_edges(self) -> bool:
+        """Returns whether candidates are followed along their edges, for values and first derivatives."""
+        return self.derivation.task.follows_edges
 
     def outputs(self, wanted: Wanted) -> list[Expr]:
         """Returns the outputs of a program without loops, without δ, with its functions."""
@@ -369,15 +379,18 @@ class Plan:
         return self._linked.get((wanted, entry, errors, how), linked)
 
 
-def _followed(e: Expr) -> tuple[Expr, Expr | None]:
-    """Returns a program, and how its values are computed if its candidates can be followed along their edges; else they are written
-    out. Raises NeedsLengths."""
+def _followed(e: Expr, wrt: Sequence[Parameter]) -> tuple[Expr, Expr | None]:
+    """Returns a program, and how its values are computed if its candidates can be followed along their edges, for derivatives by these
+    parameters too; else they are written out. Raises NeedsLengths."""
 
     def derive(cell: Expr, wrt: Sequence[Param]) -> list[Expr]:
         return flatten(compiled_outputs(cell, wrt, 1, ESTIMATORS["exact"])[1])
 
     try:
-        return e, along_edges(e, derive)
+        values = along_edges(e, derive)
+        for entry in flatten(e) if wrt else ():
+            gradient(entry, wrt, derive)
+        return e, values
     except Refused as refused:
         return without_uncovered(e, refused.reason), None
 

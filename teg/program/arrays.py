@@ -146,8 +146,10 @@ class Gaps(Loop):
 
     `values` are n places p, ascending, +inf for those that are not there; then for each of the n + 1 pieces between neighbours of first, p₀,
     …, pₙ₋₁, last, with places beyond last moved there, whether the iteration covers it; then what counts where that is a tie, which it is
-    from TIE_FROM to TIE_TO. Pieces and gaps (p, q) thinner than PIECE_EPS·max(|p|, |q|) are left out. Every result is NaN if first, last, a
-    place, or whether a piece is covered is; 0 if first >= last.
+    from TIE_FROM to TIE_TO. A tie on a piece shorter than TOUCH·(last - first), where borders only touch, is as the piece before it that is
+    none, or else the piece behind it. The last value is 1 where borders nearly touch, so that it is not known to the tolerance where they
+    cross: then it is missed. `doubtful`, if there is a name, is how many iterations are such. Pieces and gaps (p, q) thinner than PIECE_EPS·max(|p|, |q|) are left out. Every result is NaN if
+    first, last, a place, or whether a piece is covered is; 0 if first >= last.
     """
 
     values: Annotated[tuple[Arg, ...], Operand(at="body")]
@@ -157,14 +159,16 @@ class Gaps(Loop):
     right: Annotated[str, Variable(("inside",))] = ""
     inside: Annotated[tuple[Step, ...], Block()] = ()
     terms: Annotated[tuple[Arg, ...], Operand(at="inside", each=True)] = ()
+    doubtful: Annotated[tuple[str, ...], Result()] = ()
 
     @property
     def places(self) -> int:
         """Returns how many places an iteration has."""
-        return (len(self.values) - 2) // 3
+        return (len(self.values) - 3) // 3
 
 
 TIE_FROM, TIE_TO = 0.25, 0.75
+TOUCH = 1e-4
 
 
 @dataclass(frozen=True, slots=True)

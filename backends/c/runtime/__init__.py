@@ -85,7 +85,7 @@ from teg.program import (
     WATCH_WIDTH,
     WEIGHED,
 )
-from teg.program.arrays import CHUNKS, COPIES, LEAST, TIE_FROM, TIE_TO
+from teg.program.arrays import CHUNKS, COPIES, LEAST, TIE_FROM, TIE_TO, TOUCH
 
 BLOCK = 64
 """Sobol' points in a block."""
@@ -122,6 +122,7 @@ LIMITS = {
     "TEG_TIE_EPS": TIE_EPS,
     "TEG_TIE_FROM": TIE_FROM,
     "TEG_TIE_TO": TIE_TO,
+    "TEG_TOUCHING": TOUCH,
     "TEG_WEIGHED": WEIGHED,
     "TEG_ROUNDING": ROUNDING,
     "TEG_MAX_DEPTH": MAX_DEPTH,

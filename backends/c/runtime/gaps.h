@@ -4,19 +4,28 @@
 typedef struct {
     double first, last, *ends;
     int64_t size, room;
-    int lost, full;
+    int lost, full, doubtful;
 } teg_gaps;
 
 //: teg_add_covered
-/* Add what a candidate covers: n places, whether the n + 1 pieces between them are covered, and what counts where these are ties. */
+/* Add what a candidate covers: n places, whether the n + 1 pieces between them are covered, what counts where these are ties, and whether it is
+   not known well where borders cross. */
 static void teg_add_covered(teg_gaps *g, int n, const double *values)
 {
-    const double *const flags = values + n, *const ties = flags + n + 1;
+    const double *const flags = values + n, *const ties = flags + n + 1, touch = TEG_TOUCHING * (g->last - g->first);
+    double before = -1.0;
+    g->doubtful += ties[n + 1] > 0.0;
+    for (int i = 0; i <= n && before < 0.0; i++) {
+        const double p = i ? fmin(values[i - 1], g->last) : g->first, q = i < n ? fmin(values[i], g->last) : g->last;
+        const int tie = flags[i] >= TEG_TIE_FROM && flags[i] <= TEG_TIE_TO;
+        before = !tie ? flags[i] : q - p < touch ? -1.0 : ties[i];
+    }
     for (int i = 0; i <= n; i++) {
         const double p = i ? fmin(values[i - 1], g->last) : g->first, q = i < n ? fmin(values[i], g->last) : g->last;
-        const double flag = flags[i] >= TEG_TIE_FROM && flags[i] <= TEG_TIE_TO ? ties[i] : flags[i];
-        g->lost |= isnan(flag) || (i < n && isnan(values[i]));
-        if (!(flag > TEG_TIE_TO) || !teg_is_piece(p, q))
+        const int tie = flags[i] >= TEG_TIE_FROM && flags[i] <= TEG_TIE_TO;
+        before = !tie ? flags[i] : q - p < touch ? before : ties[i];
+        g->lost |= isnan(before) || (i < n && isnan(values[i]));
+        if (!(before > TEG_TIE_TO) || !teg_is_piece(p, q))
             continue;
         if (g->size == g->room) {
             const int64_t room = 2 * g->room + 16;

@@ -76,7 +76,7 @@ def along_edges(root: Expr, derive: Derive) -> Expr:
 
 def _value(node: Uncovered, derive: Derive) -> Expr:
     if len(node.variables) == 1:
-        return _along_lines(mul(SHIFT, inside_of(node)), derive)
+        raise Refused("there is one variable of integration")
     (y, x), ((low, high), (lo, hi)) = node.variables, node.bounds
     u = fresh(x.name, [x, y, *node.body.free])
     inner = Integral.make(u, (cast(Expr, substitute(node.body, {x: u})), lo, x))

@@ -1,6 +1,7 @@
 """The flat program of one candidate of `Gaps`: where it begins and ends to cover a line, and which pieces it covers.
 
-    outputs   p₀, …, pₙ₋₁ ascending, +inf for places that are not there; whether each piece is covered; the same where it ties
+    outputs   p₀, …, pₙ₋₁ ascending, +inf for places that are not there; whether each piece is covered; the same where it ties;
+              whether borders nearly touch, so that rounding moves the places where they cross
 
 A piece is decided at one place inside of it. A condition ties there where it is 0 to rounding: it counts once as true, once as false, and the mean is
 ½. Cost: n roots, and n + 1 times the condition.
@@ -24,7 +25,9 @@ from teg.ir.traverse import rewrite
 from teg.passes.lower.emit import NAN, Emitter
 from teg.passes.lower.levels import Level
 from teg.passes.lower.roots import Roots
-from teg.program import INSIDE, Arg, Called, Program, Tie
+from teg.passes.lower.rounding import CLEAR
+from teg.program import INSIDE, TIE_EPS, Arg, Called, Program, Tie
+from teg.program.arrays import TOUCH
 from teg.program.dce import without_dead_code
 
 SHOWN = 60
@@ -44,24 +47,40 @@ def schedule_places(
     top = Level(None, None, 0)
     first, last = (out.number(end, top) for end in ends)
     found: list[Arg] = []
-    for g in dict.fromkeys(atom.g for atom in atoms_of(covered, place)):
+    functions = list(dict.fromkeys(atom.g for atom in atoms_of(covered, place)))
+    for g in functions:
         found += _roots_of(g, place, ends, roots, top)
     is_known = [out.assign(top, "ok", p) for p in found]
     places = _ascending(out, top, [_inside(out, top, p, first, last) for p in found])
     decided = _deciding_ties(covered, place)
     flags: list[Arg] = []
     ties: list[Arg] = []
+    doubts: list[Arg] = []
+    touch = out.assign(top, "mul", TOUCH, out.assign(top, "sub", last, first))
     bounds = [first, *(out.assign(top, "min", p, last) for p in places), last]
     for p, q in zip(bounds, bounds[1:], strict=False):
         inside = out.assign(top, "add", p, out.assign(top, "mul", INSIDE, out.assign(top, "sub", q, p)))
         level = Level(place, top, 1, names={place: inside}, block=top.block)
         flags.append(out.number(decided, level))
         ties.append(out.number(tie, level))
+        length = out.assign(top, "sub", q, p)
+        short = out.assign(top, "and", out.assign(top, "gt0", length), out.assign(top, "gt0", out.assign(top, "sub", touch, length)))
+        doubts += [out.assign(top, "and", short, _is_nearly_tied(out, g, level)) for g in functions]
     if is_known:
         flags[0] = out.assign(top, "select", out.assign(top, "and", *is_known) if len(is_known) > 1 else is_known[0], flags[0], NAN)
-    functions = tuple(Called(*f) for f in out.functions)
-    outputs = (*places, *flags, *ties)
-    return without_dead_code(Program(tuple(parameters), tuple(top.block), outputs, tuple(Tie(*t) for t in out.ties), functions))
+    doubt: Arg = 0.0
+    if doubts:
+        doubt = out.assign(top, "select", out.assign(top, "or", *doubts) if len(doubts) > 1 else doubts[0], 1.0, 0.0)
+    called = tuple(Called(*f) for f in out.functions)
+    outputs = (*places, *flags, *ties, doubt)
+    return without_dead_code(Program(tuple(parameters), tuple(top.block), outputs, tuple(Tie(*t) for t in out.ties), called))
+
+
+def _is_nearly_tied(out: Emitter, g: Expr, level: Level) -> Arg:
+    """Returns whether a function is nearly 0 to rounding at a place, but is not."""
+    size, scale = out.size(g, level), out.rounding.tie_scale(g, level)
+    above, below = (out.assign(level, "sub", size, out.assign(level, "mul", factor, scale)) for factor in (TIE_EPS, CLEAR))
+    return out.assign(level, "and", out.assign(level, "gt0", above), out.assign(level, "lt0", below))
 
 
 def _roots_of(g: Expr, place: Var, ends: tuple[Param, Param], roots: Roots, top: Level) -> list[Arg]:

@@ -23,10 +23,13 @@ from teg.program import Arg as FlatArg
 from teg.program import Assign, Program
 from teg.program.arrays import Arg, ArrayProgram, Cells, Factors, Gaps, Least, Load, Loop, Number, Run, Scatter, Step, Take, steps
 from teg.program.dce import without_dead_code
-from teg.program.fields import result_names, variables
+from teg.program.fields import renamed, result_names, variables
 from teg.program.verify import verified_arrays
 
 EPSILON = 2.0**-52
+TOUCHING = 4e-6
+"""The error of a sum over gaps where borders nearly touch, relative to the sizes of its terms on both halves of the line: crossings are off
+by the square root of a rounding."""
 CORNERS = 1e-12
 """The error of the corners of cells, relative to the side of the box."""
 
@@ -128,14 +131,30 @@ class _ArrayEstimator:
         out.append(replace(step, body=(*body, *last), values=values, results=names))
 
     def _gaps(self, step: Gaps, iterations: Arg, out: list[Step]) -> None:
-        """Appends a sum over gaps, whose ends are exact to rounding, and its errors."""
+        """Appends a sum over gaps, whose ends are exact to rounding but where borders nearly touch, and its errors."""
+        sizes = self._on_whole_line(step, out)
         inside = self._block(step.inside, iterations, ROUNDINGS)
         last, errors = self._rounded([(t, ROUNDINGS) for t in step.terms])
-        results = tuple(self._fresh() for _ in step.results)
-        self.errors.update(zip(step.results, results, strict=True))
         body = tuple(replace(s, program=_finished(s.program)) if isinstance(s, Run) else s for s in step.body)
-        terms, names = (*step.terms, *errors), (*step.results, *results)
-        out.append(replace(step, body=body, inside=(*inside, *last), terms=terms, results=names))
+        own, doubtful = tuple(self._fresh() for _ in step.results), self._fresh()
+        terms, names = (*step.terms, *errors), (*step.results, *own)
+        out.append(replace(step, body=body, inside=(*inside, *last), terms=terms, results=names, doubtful=(doubtful,)))
+        for result, error, (one, other) in zip(step.results, own, sizes, strict=True):
+            self.errors[result] = self._fresh()
+            out.append(Run(_DOUBTED, (error, one, other, doubtful), (str(self.errors[result]),)))
+
+    def _on_whole_line(self, step: Gaps, out: list[Step]) -> list[tuple[Arg, Arg]]:
+        """Appends the terms of both halves of a line, which may cancel on the whole of it. Returns their names."""
+        middle = self._fresh()
+        out.append(Run(_MIDDLE, (step.first, step.last), (middle,)))
+        halves: list[tuple[Arg, ...]] = []
+        for left, right in ((step.first, middle), (middle, step.last)):
+            names: dict[str, Arg] = {name: self._fresh() for s in steps(step.inside) for name in (*result_names(s), *variables(s))}
+            names |= {step.left: left, step.right: right}
+            block = [renamed(s, names) for s in step.inside]
+            out += [replace(s, program=_finished(s.program)) if isinstance(s, Run) else s for s in block]
+            halves.append(tuple(names.get(t, t) if isinstance(t, str) else t for t in step.terms))
+        return list(zip(*halves, strict=True))
 
     def _folded(self, step: Least | Factors | Cells, iterations: Arg, out: list[Step]) -> None:
         """Appends a loop that adds nothing up. An index has no error; a product that of the product of larger factors."""
@@ -217,6 +236,18 @@ def _roundings_of_a_loop() -> Program:
 _ROUNDINGS_OF_A_LOOP = _roundings_of_a_loop()
 _LARGER = Program(("factor", "error"), (Assign("v0", "abs", ("p0",)), Assign("v1", "add", ("v0", "p1"))), ("v1",))
 _BEYOND = Program(("larger", "product"), (Assign("v0", "abs", ("p1",)), Assign("v1", "sub", ("p0", "v0"))), ("v1",))
+_MIDDLE = Program(("first", "last"), (Assign("v0", "add", ("p0", "p1")), Assign("v1", "mul", (0.5, "v0"))), ("v1",))
+_DOUBTED = Program(
+    ("error", "one half", "other half", "doubtful"),
+    (
+        Assign("v0", "abs", ("p1",)),
+        Assign("v1", "abs", ("p2",)),
+        Assign("v2", "add", ("v0", "v1")),
+        Assign("v3", "mul", (TOUCHING, "p3", "v2")),
+        Assign("v4", "add", ("p0", "v3")),
+    ),
+    ("v4",),
+)
 _SCALED = Program(
     ("size", "factor", "value"),
     (Assign("v0", "abs", ("p2",)), Assign("v1", "add", ("p0", "v0")), Assign("v2", "mul", ("p1", "v1"))),

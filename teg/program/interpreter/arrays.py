@@ -13,6 +13,7 @@ from teg.numerics.cell_integrals import integrals
 from teg.program.arrays import (
     TIE_FROM,
     TIE_TO,
+    TOUCH,
     AddTo,
     Arg,
     ArrayProgram,
@@ -177,15 +178,18 @@ class ArrayMachine:
     def _gaps(self, step: Gaps) -> None:
         first, last = self.number(step.first), self.number(step.last)
         covered: list[tuple[float, float]] = []
-        is_known = first == first and last == last
+        is_known, doubtful = first == first and last == last, 0
         n = step.places
         for _ in self._iterations(step):
             values = [self.number(v) for v in step.values]
-            places, flags, ties = values[:n], values[n : 2 * n + 1], values[2 * n + 1 :]
+            places, flags, ties = values[:n], values[n : 2 * n + 1], values[2 * n + 1 : -1]
+            doubtful += values[-1] > 0.0
             ends = [first, *(min(p, last) for p in places), last]
-            flags = [tie if TIE_FROM <= flag <= TIE_TO else flag for flag, tie in zip(flags, ties, strict=True)]
+            flags = _settled(ends, flags, ties)
             is_known &= not any(math.isnan(v) for v in (*places, *flags))
             covered += [(p, q) for p, q, flag in zip(ends, ends[1:], flags, strict=False) if flag > TIE_TO and _is_piece(p, q)]
+        self.missed |= doubtful > 0
+        self.values.update(dict.fromkeys(step.doubtful, float(doubtful)))
         sums = [0.0 if is_known else math.nan] * len(step.results)
         for p, q in _between(first, sorted(covered), last) if is_known else ():
             self.values.update({step.left: p, step.right: q})
@@ -214,6 +218,20 @@ class ArrayMachine:
         for _ in self._iterations(step):
             sums = [s + self.number(v) for s, v in zip(sums, step.values, strict=True)]
         self.values.update(zip(step.results, sums, strict=True))
+
+
+def _settled(ends: Sequence[float], flags: Sequence[float], ties: Sequence[float]) -> list[float]:
+    """Returns whether pieces are covered, with ties decided."""
+    found: list[float | None] = []
+    for p, q, flag, tie in zip(ends, ends[1:], flags, ties, strict=False):
+        if not TIE_FROM <= flag <= TIE_TO:
+            found.append(flag)
+        elif q - p < TOUCH * (ends[-1] - ends[0]):
+            found.append(found[-1] if found else None)
+        else:
+            found.append(tie)
+    behind = next((flag for flag in found if flag is not None), 0.0)
+    return [behind if flag is None else flag for flag in found]
 
 
 def _is_piece(p: float, q: float) -> bool:
