@@ -25,7 +25,7 @@ from teg.backends.jax.cells import cells_on_host, cells_with_most
 from teg.backends.jax.gaps import gaps_of_lanes
 from teg.backends.jax.kernel import JaxKernel
 from teg.backends.jax.lengths import Extents
-from teg.backends.jax.runtime import union
+from teg.backends.jax.runtime import MISSED, union
 from teg.backends.jax.scatters import added, added_by_rows
 from teg.backends.plan import exactly
 from teg.backends.shared.cells import most_candidates

@@ -38,11 +38,11 @@ def settled(flags: Array, touching: Array) -> Array:
     return np.take_along_axis(flags, np.where(before < 0, behind, before), axis=0)
 
 
-def gaps_of_lanes(lane: Array, p: Array, q: Array, first: Array, last: Array) -> tuple[Array, Array, Array]:
-    """Returns the gaps between intervals (p, q) of lanes, with the lane of each, lane by lane, ascending."""
+def gaps_of_lanes(lane: Array, covered: tuple[Array, Array], first: Array, last: Array) -> tuple[Array, Array, Array]:
+    """Returns the gaps between intervals (p, q) of lanes, which are covered, with the lane of each, lane by lane, ascending."""
     count = len(first)
     lane = np.concatenate([lane, np.arange(count)])  # the end of the line is an interval without length
-    p, q = np.concatenate([p, last]), np.concatenate([q, last])
+    p, q = (np.concatenate([end, last]) for end in covered)
     order = np.lexsort((p, lane))
     lane, p, q = lane[order], p[order], q[order]
     reached = first[lane].copy()

@@ -247,7 +247,8 @@ class Running:
             lane, covered = covered_by(values, first[parent], last[parent])
             lost[parent[lane]] = True
             found.append((parent[covered[0]], *covered[1:]))
-        lane, left, right = gaps_of_lanes(*(np.concatenate(parts) for parts in zip(*found, strict=True)), first, last)
+        every, p, q = (np.concatenate(parts) for parts in zip(*found, strict=True))
+        lane, left, right = gaps_of_lanes(every, (p, q), first, last)
         self.missed |= bool(doubtful.any())
         lanes.values.update(dict.fromkeys(step.doubtful, doubtful))
         known = ~lost[lane]

@@ -69,7 +69,7 @@ class FrameworkFunction:
         self._plan: Plan | None = None
         self._lock = threading.RLock()
         try:
-            self._plan = self._planned(outlined(self._program))
+            self._plan = self._planned(self._outlined(self._program))
         except NeedsLengths:
             return  # a plan for the shapes of each call
         self._plan.program(VALUE)  # programs that cannot be lowered are reported now
@@ -110,10 +110,12 @@ class FrameworkFunction:
     def _plan_for(self, shapes: Mapping[ArrayName, tuple[int, ...]], known: Mapping[str, Any]) -> Plan:
         """Returns the plan for arrays of these shapes: one for all shapes, or one for their lengths if these must be known, and for the
         numbers of candidates that integers and index arrays say. Raises ArrayIndexError if one of these is not `known`."""
-        if self._plan is not None:
+        if self._plan is not None and not self._plan.follows_edges:
             return self._plan
         counting = self._counts.get(None, lambda: Counting(self._program))
         unknown = [name for name in counting.names if name in known and known[name] is None]
+        if unknown and self._plan is not None:
+            return self._plan  # second derivatives need to know
         if unknown:
             raise ArrayIndexError(
                 f"how many candidates an integral has depends on {unknown[0]}, which {self.framework} traces",
@@ -124,9 +126,12 @@ class FrameworkFunction:
         counts = counting.of({**numbers, **known})
 
         def made() -> Plan:
-            return self._planned(outlined(with_lengths(counting.bounded(counts), shapes)))
+            return self._planned(self._outlined(with_lengths(counting.bounded(counts), shapes)))
 
         return self._plans.get((tuple(sorted((a.name, s) for a, s in shapes.items())), counts), made)
+
+    def _outlined(self, e: Expr) -> Expr:
+        return outlined(e, self._options.estimator.name == "exact")
 
     def _planned(self, e: Expr) -> Plan:
         return Plan(e, self._options, self.wrt, self._leaves, self._integers)

@@ -35,7 +35,7 @@ class Lengths:
         self._counting: Kept[None, Counting] = Kept(1)
         self.any: Kernels | None = None  # for any lengths
         try:
-            self.any = self._compiled(program, edges=True)
+            self.any = self._compiled(program)
             self.any.prepare(VALUE)
         except NeedsLengths:
             self.any = None
@@ -80,9 +80,9 @@ class Lengths:
         lengths = tuple(n for a, shape in shapes.items() if a in self._leaves for n in shape)
         return self._made.get((lengths, counts), made)
 
-    def _compiled(self, e: Expr, edges: bool = False) -> Kernels:
+    def _compiled(self, e: Expr) -> Kernels:
         source = self._options.estimator.source_of(e)
-        edges = edges and self._options.estimator.name == "exact"
+        edges = self._options.estimator.name == "exact"
         if not has_arrays(self.program):
             return Kernels(Plan(e, self._options, self._wrt, self._leaves))
         return Kernels(Plan(outlined(e, edges), self._options, self._wrt, self._leaves, (), None if source is None else outlined(source)))

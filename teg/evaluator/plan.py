@@ -28,9 +28,10 @@ from teg.evaluator.options import Options
 from teg.evaluator.timing import log, timed
 from teg.ir import simplify
 from teg.ir.arrays import Array, has_arrays
+from teg.ir.cells import replaced
 from teg.ir.expr import Expr, Param, Var
 from teg.ir.index import ArrayName
-from teg.ir.node import postorder
+from teg.ir.node import Node, postorder
 from teg.ir.still import released
 from teg.ir.uncovered import Uncovered
 from teg.maps.diffeomorphism import Diffeomorphism
@@ -160,9 +161,9 @@ class Kept(Generic[K, V]):
 class Task:
     """The input of a derivation: the expression, the parameters of its derivatives, the arguments of the program, and the options.
 
-    `source` is the expression that is differentiated in the place of one with arrays; None if the estimator does not take it. `values` is
-    the expression by which values are computed, if it is another one. Arguments are `leaves`, then the directions, and the integers among
-    the numbers at the end.
+    `source` is the expression that is differentiated in the place of one with arrays; None if the estimator does not take it. `edges`
+    has what integrals over what candidates do not cover are along the edges of these. Arguments are `leaves`, then the directions, and the
+    integers among the numbers at the end.
     """
 
     expression: Expr
@@ -173,12 +174,16 @@ class Task:
     estimator: Estimator
     maps: tuple[Diffeomorphism, ...]
     source: Expr | None = None
-    values: Expr | None = None
+    edges: tuple[tuple[Node, Expr], ...] = ()
 
     @property
     def follows_edges(self) -> bool:
         """Returns whether candidates are followed along their edges, for values and first derivatives."""
-        return self.values is not None
+        return bool(self.edges)
+
+    def computed(self, e: Expr) -> Expr:
+        """Returns an expression in which integrals over what candidates do not cover are computed along their edges."""
+        return replaced([e], dict(self.edges))[0] if self.edges else e
 
     @property
     def elimination(self) -> Elimination:
@@ -290,22 +295,21 @@ class Derivation:
     def _looped_outputs(self, wanted: Wanted, entry: int | None, tables: bool) -> list[Output]:
         """Returns the computed numbers and arrays, without δ. With `tables`, numbers of candidates are read from these."""
         task, entries = self.task, self.entries if entry is None else [self.entries[entry]]
-        values = flatten(task.expression if task.values is None else task.values)
-        values = values if entry is None else [values[entry]]
         moved = entries if task.source is None else [e for i, e in enumerate(flatten(task.source)) if entry in (None, i)]
         if tables:
-            values, entries, moved = ([with_tables(e) for e in several] for several in (values, entries, moved))
+            entries, moved = ([with_tables(e) for e in several] for several in (entries, moved))
         normal = partial(normal_form, maps=task.maps)
 
         def derive(cell: Expr, wrt: Sequence[Param]) -> list[Expr]:
             return flatten(compiled_outputs(cell, wrt, 1, task.estimator, task.elimination)[1])
 
-        found: list[Output] = [output_of(on_cells(leaf, normal)) for leaf in values] if wanted.values else []
+        found: list[Output] = [output_of(on_cells(task.computed(leaf), normal)) for leaf in entries] if wanted.values else []
         sources = list(moved) if wanted.orders and (wanted.values or not wanted.along) else []
         sources += [self._tangent(leaf, wanted) for leaf in entries] if wanted.along else []
         exact = task.estimator.name == "exact"
         for source in sources:
             for p, slope in zip(task.wrt, gradient(source, task.wrt, derive, exact, last=tables), strict=True):
+                slope = task.computed(slope)
                 if slope.has_delta:  # a tangent is also a value, as a factor of another derivative
                     slope = on_cells(slope, normal)
                 found.append((p, slope) if isinstance(p, Array) else slope)
@@ -349,17 +353,27 @@ class Plan:
         abstract, self.functions = (with_sums_of_integers(e), ()) if in_loops else with_slots(write_out(e))
         how = options.integration, options.estimator, tuple(options.maps)
         source = None if source is None else with_sums_of_integers(source)
-        values = None
+        edges: dict[Node, Expr] = {}
         if in_loops and any(isinstance(n, Uncovered) for n in postorder([abstract])):
-            abstract, values = _followed(abstract, self.wrt)
-        self.derivation = _derivation(Task(abstract, self.wrt, self.leaves, self.integers, *how, source, values))
+            abstract, edges = _followed(abstract, self.wrt)
+        self.derivation = _derivation(Task(abstract, self.wrt, self.leaves, self.integers, *how, source, tuple(edges.items())))
         self.entries, self.has_loops = flatten(e), self.derivation.has_loops
+        self._written: Kept[None, Plan] = Kept(1)
         self._linked: Kept[tuple[Wanted, int | None, bool, Integration | None], Program] = Kept()
 
     @property
     def follows_edges(self) -> bool:
         """Returns whether candidates are followed along their edges, for values and first derivatives."""
         return self.derivation.task.follows_edges
+
+    def _written_out(self) -> Plan:
+        """Returns the plan of the same program with candidates written out, for second derivatives. Raises NeedsLengths."""
+
+        def made() -> Plan:
+            e = without_uncovered(self.expression, "it is differentiated twice")
+            return Plan(e, self.options, self.wrt, self.leaves, self.integers)
+
+        return self._written.get(None, made)
 
     def outputs(self, wanted: Wanted) -> list[Expr]:
         """Returns the outputs of a program without loops, without δ, with its functions."""
@@ -370,6 +384,8 @@ class Plan:
         self, wanted: Wanted, entry: int | None = None, errors: bool = False, how: Integration | None = None
     ) -> Program | ArrayProgram:
         """Returns the program of all values or of one entry, as `Derivation.program` does, with the bodies of the functions."""
+        if wanted.along and self.follows_edges:
+            return self._written_out().program(wanted, entry, errors, how)
         if not self.functions:
             return self.derivation.program(wanted, entry, errors, how)
 
@@ -379,20 +395,20 @@ class Plan:
         return self._linked.get((wanted, entry, errors, how), linked)
 
 
-def _followed(e: Expr, wrt: Sequence[Parameter]) -> tuple[Expr, Expr | None]:
-    """Returns a program, and how its values are computed if its candidates can be followed along their edges, for derivatives by these
-    parameters too; else they are written out. Raises NeedsLengths."""
+def _followed(e: Expr, wrt: Sequence[Parameter]) -> tuple[Expr, dict[Node, Expr]]:
+    """Returns a program, and what integrals over what candidates do not cover are along the edges of these. If values, or derivatives by
+    these parameters, cannot be computed so, candidates are written out. Raises NeedsLengths."""
 
     def derive(cell: Expr, wrt: Sequence[Param]) -> list[Expr]:
         return flatten(compiled_outputs(cell, wrt, 1, ESTIMATORS["exact"])[1])
 
     try:
-        values = along_edges(e, derive)
+        edges = along_edges(e, derive)
         for entry in flatten(e) if wrt else ():
             gradient(entry, wrt, derive)
-        return e, values
+        return e, edges
     except Refused as refused:
-        return without_uncovered(e, refused.reason), None
+        return without_uncovered(e, refused.reason), {}
 
 
 def _has_loops(e: Expr, leaves: Sequence[Param | ArrayName], integers: Sequence[Param]) -> bool:

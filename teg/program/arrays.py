@@ -144,12 +144,14 @@ class Gaps(Loop):
     """results = Σ terms over the gaps between `first` and `last` that the iterations do not cover; in the block `inside`, a gap is from
     `left` to `right`.
 
-    `values` are n places p, ascending, +inf for those that are not there; then for each of the n + 1 pieces between neighbours of first, p₀,
-    …, pₙ₋₁, last, with places beyond last moved there, whether the iteration covers it; then what counts where that is a tie, which it is
-    from TIE_FROM to TIE_TO. A tie on a piece shorter than TOUCH·(last - first), where borders only touch, is as the piece before it that is
-    none, or else the piece behind it. The last value is 1 where borders nearly touch, so that it is not known to the tolerance where they
-    cross: then it is missed. `doubtful`, if there is a name, is how many iterations are such. Pieces and gaps (p, q) thinner than PIECE_EPS·max(|p|, |q|) are left out. Every result is NaN if
-    first, last, a place, or whether a piece is covered is; 0 if first >= last.
+    `values` are, in this order: n places p, ascending, +inf for those that are not there; for each of the n + 1 pieces between neighbours
+    of first, p₀, …, pₙ₋₁, last, with places beyond last moved there, whether the iteration covers it; what counts where that is a tie,
+    which it is from TIE_FROM to TIE_TO; and 1 where borders nearly touch, so that it is not known to the tolerance where they cross: then
+    it is missed. `doubtful`, if there is a name, is how many iterations are such.
+
+    A tie on a piece shorter than TOUCH·(last - first), where borders only touch, is as the piece before it that is none, or else the piece
+    behind it. Pieces and gaps (p, q) thinner than PIECE_EPS·max(|p|, |q|) are left out. Every result is NaN if first, last, a place, or
+    whether a piece is covered is; 0 if first >= last.
     """
 
     values: Annotated[tuple[Arg, ...], Operand(at="body")]

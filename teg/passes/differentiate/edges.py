@@ -27,7 +27,7 @@ from teg.analysis.half_angle import in_half_angle
 from teg.analysis.isolation import isolate
 from teg.analysis.surfaces import atoms_of, ordered
 from teg.analysis.tails import is_unbounded
-from teg.errors import NotDifferentiableError, TegError
+from teg.errors import NotDifferentiableError
 from teg.ir.arrays import sum_over
 from teg.ir.cells import APART, Symbols, replace_integers, replaced
 from teg.ir.expr import FALSE, MINUS_ONE, ONE, TRUE, ZERO, Compare, Cond, Const, Expr, Param, Var, const
@@ -38,7 +38,7 @@ from teg.ir.node import Node, postorder
 from teg.ir.operands import as_number, less
 from teg.ir.simplify import add, bracket, call, conjunction, disjunction, integer_power, mul, negation, positive, sub, where
 from teg.ir.still import with_still_parameters
-from teg.ir.traverse import fresh, rebuild, rewrite, rewrite_below, substitute
+from teg.ir.traverse import fresh, rewrite, rewrite_below, substitute
 from teg.ir.uncovered import Gaps, Uncovered
 
 Derive = Callable[[Expr, Sequence[Param]], Sequence[Expr]]
@@ -58,20 +58,14 @@ class Refused(Exception):  # caught by the caller, which writes the candidates o
 class _Around(NamedTuple):
     """What covers places: an index and its range, the condition, and the same where it ties, as a number."""
 
-    index: IndexVar
-    lo: Index
-    hi: Index
+    over: tuple[IndexVar, Index, Index]
     condition: Cond
     tie: Expr
 
 
-def along_edges(root: Expr, derive: Derive) -> Expr:
-    """Returns the program with sums over gaps in the place of integrals over what is not covered. Raises Refused."""
-    new: dict[Node, Node] = {}
-    for node in postorder([root]):
-        result = rebuild(node, tuple([new[c] for c in node.children]))
-        new[node] = _value(result, derive) if isinstance(result, Uncovered) else result
-    return cast(Expr, new[root])
+def along_edges(root: Expr, derive: Derive) -> dict[Node, Expr]:
+    """Returns, for every integral over what is not covered, what it is along the edges of candidates. Raises Refused."""
+    return {node: _value(node, derive) for node in postorder([root]) if isinstance(node, Uncovered)}
 
 
 def _value(node: Uncovered, derive: Derive) -> Expr:
@@ -86,7 +80,7 @@ def _value(node: Uncovered, derive: Derive) -> Expr:
     line = integral_over(mul(cast(Expr, substitute(reached, {x: hi})), seen), y, low, high)
     terms = [_along_lines(mul(SHIFT, line), derive)]
     for edge in edges_of(node, reached, moved=SHIFT):
-        terms.append(sum_over(_along_lines(edge.cell, derive), node.index, node.lo, node.hi))
+        terms.append(sum_over(_along_lines(edge, derive), node.index, node.lo, node.hi))
     return add(*terms)
 
 
@@ -113,22 +107,20 @@ def _before(node: Uncovered, x: Var, hi: Expr, length: Expr) -> _Around:
 
     at = {x: hi}
     condition = cast(Cond, substitute(node.condition, at))
-    return _Around(node.index, node.lo, node.hi, condition, cast(Expr, substitute(_at_tie(node.condition, truth, node.variables), at)))
+    return _Around((node.index, node.lo, node.hi), condition, cast(Expr, substitute(_at_tie(node.condition, truth, node.variables), at)))
 
 
 # -- edges -------------------------------------------------------------------------------------------------------------
 
 
-class Edge(NamedTuple):
-    """The edges of all candidates that one atom of their condition makes: the integral whose derivative by that atom alone is wanted."""
-
-    cell: Expr
-
-
-def edges_of(node: Uncovered, weight: Expr, moved: Param | None = None) -> Iterator[Edge]:
-    """Yields the edges of candidates, integrals of a `weight` that does not move with them; with `moved`, they are moved along x by it."""
+def edges_of(node: Uncovered, weight: Expr, moved: Param | None = None) -> Iterator[Expr]:
+    """Yields, for each atom of the condition, an integral whose derivatives are those of a `weight` as the edges move that the atom makes;
+    with `moved`, which shifts them along x, that derivative alone is meant."""
     y_x, bounds = node.variables, node.bounds
-    fixed = (lambda e: e) if moved is not None else with_still_parameters
+
+    def fixed(e: Expr) -> Expr:
+        return e if moved is not None else with_still_parameters(e)
+
     for atom in atoms_of(node.condition):
         if atom.free.isdisjoint(y_x):
             continue
@@ -140,12 +132,12 @@ def edges_of(node: Uncovered, weight: Expr, moved: Param | None = None) -> Itera
         cell = mul(fixed(mul(weight, side)), _seen(_others(node, atom, side), y_x), bracket(surface))
         for v, (lo, hi) in reversed(list(zip(y_x, bounds, strict=True))):
             cell = integral_over(cell, v, fixed(lo), fixed(hi))
-        yield Edge(cell)
+        yield cell
 
 
 def inside_of(node: Uncovered) -> Expr:
     """Returns the integral of the body over what is not covered, a cell in which that does not move."""
-    around = _Around(node.index, node.lo, node.hi, node.condition, bracket(node.condition))
+    around = _Around((node.index, node.lo, node.hi), node.condition, bracket(node.condition))
     cell = mul(node.body, _seen(around, node.variables))
     for v, (lo, hi) in reversed(list(zip(node.variables, node.bounds, strict=True))):
         cell = integral_over(cell, v, lo, hi)
@@ -169,7 +161,7 @@ def _others(node: Uncovered, atom: Compare, side: Expr) -> _Around:
         return disjunction(both, conjunction(either, wider))
 
     tie = where(different, _at_tie(theirs, truth, variables, whole=True), ZERO)
-    return _Around(j, node.lo, node.hi, conjunction(different, theirs), tie)
+    return _Around((j, node.lo, node.hi), conjunction(different, theirs), tie)
 
 
 def _either_and_both(condition: Cond, atom: Compare) -> tuple[Cond, Cond]:
@@ -241,7 +233,7 @@ def _of_integral(node: Integral) -> Expr:
         around, variables = cast(Slot, mark.callee).data[4]
         if any(mark.derivative):
             raise Refused("an edge has no chart")
-        at = dict(zip(variables, cast("tuple[Expr, ...]", mark.children), strict=True))
+        at = dict(zip(variables, mark.children, strict=True))
         placed = around._replace(condition=cast(Cond, substitute(around.condition, at)), tie=cast(Expr, substitute(around.tie, at)))
         terms.append(_over_gaps(node, placed, weight))
     return add(*terms)
@@ -262,9 +254,9 @@ def _of_nest(node: Integral, inner: Sequence[Integral], derive: Derive) -> Expr:
         (whole,) = replaced([node.body], {other: body if other is part else ZERO for other in inner})
         around, names = cast(Slot, marks[0].callee).data[4]
         condition = cast(Cond, substitute(around.condition, dict(zip(names, variables, strict=True))))
-        over = around.index, around.lo, around.hi, variables
+        over = *around.over, variables
         weight = whole if rest is ZERO else sub(whole, rest)
-        terms.append(_value(cast(Uncovered, Uncovered.make(over, (condition, weight, node.lo, node.hi, part.lo, part.hi))), derive))
+        terms.append(_value(Uncovered.make(over, (condition, weight, node.lo, node.hi, part.lo, part.hi)), derive))
     return add(*terms)
 
 
@@ -288,7 +280,7 @@ def _over_gaps(node: Integral, around: _Around, weight: Expr) -> Expr:
     if by_half_angle is not None:
         first, last = (call("tan", mul(const(0.5), end)) for end in (first, last))
     covered, tie = symbols.out_of([bracket(condition), tie])
-    over = around.index, around.lo, around.hi, s, LEFT, RIGHT
+    over = *around.over, s, LEFT, RIGHT
     return mul(sign, cast(Expr, Gaps.make(over, (first, last, covered, tie, integral_over(weight, s, LEFT, RIGHT)))))
 
 

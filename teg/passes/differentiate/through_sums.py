@@ -172,7 +172,7 @@ class _Gradient:
         for leaf, slope in self.of(inside_of(node), bound).items():
             found.setdefault(leaf, []).append(slope)
         for edge in edges_of(node, node.body):
-            for leaf, slope in self.of(edge.cell, node.index).items():
+            for leaf, slope in self.of(edge, node.index).items():
                 found.setdefault(leaf, []).append(mul(MINUS_ONE, sum_over(slope, node.index, node.lo, node.hi)))
         return {leaf: add(*terms) for leaf, terms in found.items()}
 

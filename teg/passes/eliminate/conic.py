@@ -24,8 +24,8 @@ from dataclasses import dataclass, replace
 from typing import cast
 
 from teg.analysis.calculus import slope
-from teg.analysis.half_angle import MAX_DEGREE, in_half_angle
 from teg.analysis.critical import Critical, critical_point, is_above_birth, least_height
+from teg.analysis.half_angle import MAX_DEGREE, in_half_angle
 from teg.analysis.nest import Binder, Chain, divided, nest
 from teg.analysis.polynomial import Shadow, is_null
 from teg.analysis.roots import tidy

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import cast
 
 from teg.analysis.isolation import isolate
@@ -33,9 +34,7 @@ from teg.program.dce import without_dead_code
 SHOWN = 60
 
 
-def schedule_places(
-    covered: Expr, tie: Expr, place: Var, parameters: Sequence[str], how: Integration
-) -> Program:
+def schedule_places(covered: Expr, tie: Expr, place: Var, parameters: Sequence[str], how: Integration) -> Program:
     """Returns the program of a candidate that covers a `place` where `covered` is 1. The last two parameters are the ends of the line."""
     ends = Param.make(parameters[-2], ()), Param.make(parameters[-1], ())
 
@@ -58,7 +57,7 @@ def schedule_places(
     doubts: list[Arg] = []
     touch = out.assign(top, "mul", TOUCH, out.assign(top, "sub", last, first))
     bounds = [first, *(out.assign(top, "min", p, last) for p in places), last]
-    for p, q in zip(bounds, bounds[1:], strict=False):
+    for p, q in pairwise(bounds):
         inside = out.assign(top, "add", p, out.assign(top, "mul", INSIDE, out.assign(top, "sub", q, p)))
         level = Level(place, top, 1, names={place: inside}, block=top.block)
         flags.append(out.number(decided, level))

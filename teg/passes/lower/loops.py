@@ -115,7 +115,9 @@ class _Level:
 
 
 class _ArrayScheduler:
-    def __init__(self, parameters: Sequence[str], arrays: Sequence[ArrayName], flat: tuple[Schedule, Places], differentiated: Sequence[Expr]) -> None:
+    def __init__(
+        self, parameters: Sequence[str], arrays: Sequence[ArrayName], flat: tuple[Schedule, Places], differentiated: Sequence[Expr]
+    ) -> None:
         self.parameters = tuple(parameters)
         self.arrays = tuple(arrays)
         self.flat, self.places = flat
@@ -316,20 +318,17 @@ class _ArrayScheduler:
             shared.setdefault(node.shared, []).append(node)
         for group in shared.values():
             node = group[0]
-            ends = dict(zip(FIRST_LAST, self._cell(level, cast("Sequence[Expr]", node.children[:2])), strict=True))
-            inner = _Level(level.depth + 1, node.index, level)
-            index = self._fresh("i", inner)
-            inner.names.update({node.index: index, **ends})
-            bounds = self._integer(node.lo, level), self._integer(node.hi, level)
-            values = self._flat(inner, [node.covered, node.tie], lambda cells, names, _, line=node.variable: self.places(cells, names, line))
-            gap = _Level(level.depth + 1, None, level)
-            left, right = (self._fresh("v", gap) for _ in node.ends)
+            first, last = self._cell(level, cast("Sequence[Expr]", node.children[:2]))
+            inner, gap = _Level(level.depth + 1, node.index, level), _Level(level.depth + 1, None, level)
+            index, (left, right) = self._fresh("i", inner), (self._fresh("v", gap) for _ in node.ends)
+            inner.names.update({node.index: index, FIRST_LAST[0]: first, FIRST_LAST[1]: last})
             gap.names.update(zip(node.ends, (left, right), strict=True))
+            bounds = self._integer(node.lo, level), self._integer(node.hi, level)
+            values = tuple(self._flat(inner, [node.covered, node.tie], line=node.variable))
             terms = tuple(self._level(gap, [n.term for n in group], ()))
             results = tuple(self._fresh("v", level) for _ in group)
-            title = node.index.name.split(APART)[0]
-            of = (*ends.values(), left, right, tuple(gap.steps), terms)
-            level.steps.append(Gaps(index, *bounds, tuple(inner.steps), tuple(values), results, title, -1, *of))
+            loop = Gaps(index, *bounds, tuple(inner.steps), values, results, node.index.name.split(APART)[0])
+            level.steps.append(replace(loop, first=first, last=last, left=left, right=right, inside=tuple(gap.steps), terms=terms))
             level.names.update(zip(group, results, strict=True))
 
     def _bound(self, level: _Level | None) -> Iterable[IndexVar]:
@@ -434,7 +433,7 @@ class _ArrayScheduler:
             names.update(zip(rest, self._flat(level, rest), strict=True))
         return [names[v] for v in values]
 
-    def _flat(self, level: _Level, roots: Sequence[Expr], flat: Schedule | None = None) -> list[Arg]:
+    def _flat(self, level: _Level, roots: Sequence[Expr], line: Var | None = None) -> list[Arg]:
         leaves = cell_leaves(roots)
         if any(isinstance(leaf, Unit) for leaf in leaves):
             raise DeltaError(
@@ -444,9 +443,10 @@ class _ArrayScheduler:
         cells = replaced(roots, cast("Mapping[Node, Expr]", symbols))
         inputs = [self._leaf(leaf, level) for leaf in leaves]
         plain = [p for p in postorder(cells) if isinstance(p, Param) and p not in set(symbols.values())]
-        plain += FIRST_LAST if flat is not None else ()
+        plain += FIRST_LAST if line is not None else ()
         given = [*inputs, *(self._leaf(p, level) for p in plain)]
-        program = (flat or self.flat)(cells, [*(s.name for s in symbols.values()), *(p.name for p in plain)], self._sources_of(symbols))
+        names = [*(s.name for s in symbols.values()), *(p.name for p in plain)]
+        program = self.flat(cells, names, self._sources_of(symbols)) if line is None else self.places(cells, names, line)
         program = replace(program, parameters=(*(str(leaf)[:60] for leaf in leaves), *(p.name for p in plain)))
         depths = [self._depth.get(a, 0) if isinstance(a, str) else 0 for a in given]
         return self._split(level, program, given, depths)

@@ -62,7 +62,7 @@ def _term(body: Expr, bounds: Bounds) -> Expr:
 
 def written(node: Uncovered) -> Expr:
     """Returns the integral with the choice in it."""
-    covered = cast(AnyOf, AnyOf.make((node.index, node.lo, node.hi), (node.condition,)))
+    covered = AnyOf.make((node.index, node.lo, node.hi), (node.condition,))
     bounds = [(x, lo, hi) for x, (lo, hi) in zip(node.variables, node.bounds, strict=True)]
     return _nest(mul(node.body, where(covered, ZERO, ONE)), bounds)
 
