@@ -11,7 +11,7 @@ from teg.analysis.isolation import MAX_ROOTS
 from teg.analysis.settings import Integration, Rule
 from teg.errors import OptionError
 from teg.evaluator.options import Discontinuities
-from teg.evaluator.plan import ORDERS, Derivation, Task
+from teg.evaluator.plan import ORDERS, Derivation, Task, followed
 from teg.ir.arrays import Array, arrays_of, has_arrays, integer_parameters, integers_of
 from teg.ir.cells import check_indices, replace_integers
 from teg.ir.expr import Expr, Operand, Param, Tuple
@@ -88,17 +88,19 @@ def explained(e: Expr, wrt: Sequence[Parameter] | None, asked: Asked) -> Explana
     counted, arrays = integer_parameters(e), [a for a in arrays_of(e) if isinstance(a, Array)]
     chosen: list[Parameter] = [*(p for p in parameters(e) if p not in set(counted)), *arrays] if wrt is None else list(wrt)
     try:
-        plain = outlined(e)
+        plain, edges = followed(outlined(e, asked.estimator.name == "exact"), chosen)
     except NeedsLengths:
         lengths = [n for node in postorder([e]) for n in index_leaves(integers_of(node)) if isinstance(n, Length)]
         assumed: dict[Index, Index] = {n: index_const(ASSUMED) for n in lengths}
         bounded = with_most(e, dict.fromkeys(ranges_of_data(e), ASSUMED))
         plain, asked = outlined(replace_integers(bounded, assumed)), replace(asked, assumed_length=ASSUMED)
+        edges = {}
     leaves = tuple(dict.fromkeys([*chosen, *parameters(e), *counted, *arrays_of(e)]))
-    task = Task(plain, tuple(chosen), leaves, (), asked.integration, asked.estimator, tuple(asked.maps))
+    how = asked.integration, asked.estimator, tuple(asked.maps)
+    task = Task(plain, tuple(chosen), leaves, (), *how, edges=tuple(edges.items()))
     derivation = Derivation(task)
 
     def program_of(orders: int) -> ArrayProgram:
         return cast(ArrayProgram, derivation.program(ORDERS[orders]))
 
-    return explain_loops(e, plain, chosen, asked, program_of)
+    return explain_loops(e, task.computed(plain), chosen, asked, program_of)

@@ -354,8 +354,8 @@ class Plan:
         how = options.integration, options.estimator, tuple(options.maps)
         source = None if source is None else with_sums_of_integers(source)
         edges: dict[Node, Expr] = {}
-        if in_loops and any(isinstance(n, Uncovered) for n in postorder([abstract])):
-            abstract, edges = _followed(abstract, self.wrt)
+        if in_loops:
+            abstract, edges = followed(abstract, self.wrt)
         self.derivation = _derivation(Task(abstract, self.wrt, self.leaves, self.integers, *how, source, tuple(edges.items())))
         self.entries, self.has_loops = flatten(e), self.derivation.has_loops
         self._written: Kept[None, Plan] = Kept(1)
@@ -395,13 +395,15 @@ class Plan:
         return self._linked.get((wanted, entry, errors, how), linked)
 
 
-def _followed(e: Expr, wrt: Sequence[Parameter]) -> tuple[Expr, dict[Node, Expr]]:
+def followed(e: Expr, wrt: Sequence[Parameter]) -> tuple[Expr, dict[Node, Expr]]:
     """Returns a program, and what integrals over what candidates do not cover are along the edges of these. If values, or derivatives by
     these parameters, cannot be computed so, candidates are written out. Raises NeedsLengths."""
 
     def derive(cell: Expr, wrt: Sequence[Param]) -> list[Expr]:
         return flatten(compiled_outputs(cell, wrt, 1, ESTIMATORS["exact"])[1])
 
+    if not any(isinstance(n, Uncovered) for n in postorder([e])):
+        return e, {}
     try:
         edges = along_edges(e, derive)
         for entry in flatten(e) if wrt else ():

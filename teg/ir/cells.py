@@ -103,7 +103,8 @@ def _on_cell(cell: Expr, step: Callable[[Expr], Expr]) -> Expr:
 
 
 def cells_of(e: Expr) -> list[tuple[tuple[Ranged, ...], Expr]]:
-    """Returns every cell with the sums around it, outermost first. A cell comes before the cells in its sums."""
+    """Returns every cell with the sums around it, outermost first. A cell comes before the cells in its sums. In sums over gaps, whether
+    a place is covered is none."""
     around: dict[Expr, tuple[Ranged, ...]] = {}
     entries: list[Expr] = [e]
     while entries:
@@ -117,7 +118,8 @@ def cells_of(e: Expr) -> list[tuple[tuple[Ranged, ...], Expr]]:
         for leaf in cell_leaves([body]):
             if isinstance(leaf, Ranged):
                 path = (*around[body], cast(Ranged, leaf))
-                inside = [c for c in cast("tuple[Expr, ...]", leaf.children) if c not in around]
+                inner = (leaf.term,) if isinstance(leaf, Gaps) else cast("tuple[Expr, ...]", leaf.children)
+                inside = [c for c in inner if c not in around]
                 around.update(dict.fromkeys(inside, path))
                 waiting += dict.fromkeys(inside)
     return [(path, body) for body, path in around.items()]

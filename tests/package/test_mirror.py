@@ -20,6 +20,7 @@ BY_FEATURE = {
     "locate roots": "tests/backends/numpy/test_locate.py tests/backends/jax/test_locate.py tests/backends/c/test_locate.py",
     "side_lines": "tests/numerics/test_side_lines.py",
     "cell_lines measured parting tiles twins arrangement": "tests/backends/numpy/test_cells.py tests/backends/shared/test_cells.py",
+    "gaps": "tests/backends/test_gaps.py",
     "loops lengths ties arrays": "tests/backends/test_arrays.py tests/report/test_array_reports.py",
     "tabled": "tests/end_to_end/test_alike_terms.py",
     "error_function": "tests/numerics/test_error_function.py",
@@ -35,6 +36,7 @@ ELSEWHERE = {
         "critical": "tests/end_to_end/test_references.py",
         "endless": "tests/end_to_end/test_infinite_ranges.py",
         "guards": "tests/passes/lower/test_integrals.py",
+        "half_angle": "tests/passes/differentiate/test_edges.py",
         "isolation": "tests/passes/lower/test_roots.py",
         "proportional": "tests/passes/normalise/test_canonicalise.py",
         "remarks": "tests/passes/test_remarks.py",
@@ -63,6 +65,7 @@ ELSEWHERE = {
         "operands": "tests/ir/test_expr.py",
         "partition": "tests/ir/test_choices.py",
         "tables": "tests/passes/normalise/test_tables.py",
+        "uncovered": "tests/passes/differentiate/test_edges.py",
     },
     "teg/language": {"programs": "tests/ir/test_expr.py"},
     "teg/maps": {
@@ -101,6 +104,7 @@ ELSEWHERE = {
     },
     "teg/passes/lower": dict.fromkeys(("emit", "intrinsic", "levels", "refute", "rounding"), "tests/passes/lower/test_integrals.py")
     | {
+        "gaps": "tests/passes/differentiate/test_edges.py",
         "linear": "tests/passes/normalise/test_tables.py",
         "loops": "tests/ir/test_arrays.py",
         "rules": "tests/end_to_end/test_rules.py",
@@ -113,6 +117,7 @@ ELSEWHERE = {
         "factors": "tests/passes/normalise/test_canonicalise.py",
         "inline": "tests/ir/test_function.py",
         "rows": "tests/end_to_end/test_alike_terms.py",
+        "uncovered": "tests/passes/differentiate/test_edges.py",
     },
     "teg/passes/program": {
         "errors_in_loops": "tests/report/test_array_reports.py",

@@ -25,6 +25,7 @@ from teg.analysis.antiderivative import integrated
 from teg.analysis.calculus import slope
 from teg.analysis.half_angle import in_half_angle
 from teg.analysis.isolation import isolate
+from teg.analysis.roots import solve
 from teg.analysis.surfaces import atoms_of, ordered
 from teg.analysis.tails import is_unbounded
 from teg.errors import NotDifferentiableError
@@ -44,6 +45,8 @@ from teg.ir.uncovered import Gaps, Uncovered
 Derive = Callable[[Expr, Sequence[Param]], Sequence[Expr]]
 """The derivatives of a scalar expression by parameters, without δ."""
 SHIFT = Param.make(f"{APART}shift", ())
+MOST_PLACES = 8
+"""The largest number of places where the border of one candidate may cross an edge of another one."""
 LEFT, RIGHT = Param.make(f"{APART}left", ()), Param.make(f"{APART}right", ())
 
 
@@ -271,9 +274,7 @@ def _over_gaps(node: Integral, around: _Around, weight: Expr) -> Expr:
     (cell, tie) = symbols.into([cast(Expr, around.condition), around.tie])
     by_half_angle = _by_half_angle(_OnLine(cast(Cond, cell), tie, weight), s) if _turns_less_than_once(lo, hi) else None
     condition, tie, weight = by_half_angle or _OnLine(cast(Cond, cell), tie, weight)
-    for atom in atoms_of(condition, s):
-        if any(isinstance(n, Integral) for n in postorder([atom])) or isolate(atom.g, s) is None:
-            raise Refused("a condition has no roots that can be found along an edge")
+    _check_roots([atom.g for atom in atoms_of(condition, s)], s)
     order = ordered(lo, hi)
     first, last = (lo, hi) if order > 0 else (hi, lo) if order < 0 else (call("min", lo, hi), call("max", lo, hi))
     sign = const(float(order)) if order else where(less(hi, lo, True), MINUS_ONE, ONE)
@@ -282,6 +283,19 @@ def _over_gaps(node: Integral, around: _Around, weight: Expr) -> Expr:
     covered, tie = symbols.out_of([bracket(condition), tie])
     over = *around.over, s, LEFT, RIGHT
     return mul(sign, cast(Expr, Gaps.make(over, (first, last, covered, tie, integral_over(weight, s, LEFT, RIGHT)))))
+
+
+def _check_roots(functions: Sequence[Expr], s: Var) -> None:
+    """Raises Refused if the roots of functions cannot be found along a line, or may be many."""
+    count = 0
+    for g in functions:
+        isolation = None if any(isinstance(n, Integral) for n in postorder([g])) else isolate(g, s)
+        if isolation is None:
+            raise Refused("a condition has no roots that can be found along an edge")
+        known = solve(g, s, LEFT, RIGHT)
+        count += len(known.found) if known is not None and known.certain else isolation.count
+    if count > MOST_PLACES:
+        raise Refused(f"its border may cross an edge in more than {MOST_PLACES} places")
 
 
 def _turns_less_than_once(lo: Expr, hi: Expr) -> bool:
@@ -304,8 +318,10 @@ def _by_half_angle(on_arc: _OnLine, angle: Var) -> _OnLine | None:
     on_circle = rewrite(on_arc, lambda _, new: circular.get(new, new))
     condition = cast(Cond, on_circle[on_arc.condition])
     tie, weight = (cast(Expr, on_circle[e]) for e in on_arc[1:])
-    mark, half = fresh("half", [c, s, angle]), call("tan", mul(const(0.5), angle))
-    weight = cast(Expr, rewrite([weight], lambda _, new: mark if new is half else new)[weight])
+    half, mark = mul(const(0.5), angle), fresh("half", [c, s, angle])
+    short = call("sqrt", integer_power(add(ONE, integer_power(mark, 2)), -1))
+    halves: dict[Node, Node] = {call("tan", half): mark, call("sin", half): mul(mark, short), call("cos", half): short}
+    weight = cast(Expr, rewrite([weight], lambda _, new: halves.get(new, new))[weight])
     if condition.free.isdisjoint((c, s)) or any(angle in e.free for e in (condition, tie, weight)):
         return None
     known = True

@@ -3,8 +3,8 @@
     outputs   p₀, …, pₙ₋₁ ascending, +inf for places that are not there; whether each piece is covered; the same where it ties;
               whether borders nearly touch, so that rounding moves the places where they cross
 
-A piece is decided at one place inside of it. A condition ties there where it is 0 to rounding: it counts once as true, once as false, and the mean is
-½. Cost: n roots, and n + 1 times the condition.
+A piece is decided at one place inside of it. A condition ties there where it is 0 to rounding: it counts once as true, once as false, and
+the mean is ½. Cost: n roots, and n + 1 times the condition.
 """
 
 from __future__ import annotations

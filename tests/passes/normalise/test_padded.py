@@ -32,6 +32,11 @@ def in_disk(i: Any) -> teg.Cond:
     return (x - disks[i, 0]) ** 2 + (y - disks[i, 1]) ** 2 < disks[i, 2] ** 2
 
 
+def in_squircle(i: Any) -> teg.Cond:
+    """A condition whose edge has no formula, so that candidates are written out."""
+    return (x - disks[i, 0]) ** 4 + (y - disks[i, 1]) ** 4 < disks[i, 2] ** 4
+
+
 def lists_of(at: np.ndarray) -> dict[str, np.ndarray]:
     """Those disks that reach into each pixel."""
     rows = []
@@ -157,7 +162,7 @@ def test_lists_in_lists() -> None:
 def test_a_program_is_made_for_each_number_of_places(monkeypatch: pytest.MonkeyPatch) -> None:
     made: list[teg.Expr] = []
     monkeypatch.setattr(Lengths, "_compiled", lambda self, e, make=Lengths._compiled: (made.append(e), make(self, e))[1])
-    f = teg.compile(pixels(teg.bracket(teg.any(in_disk(listed[k]), LIST))), [disks])
+    f = teg.compile(pixels(teg.bracket(teg.any(in_squircle(listed[k]), LIST))), [disks])
     lists = lists_of(AT)
     f(disks=AT, **lists)
     assert "any[k: first[p]..first[(p + 1)]]" in f.explain().data["expression"]
@@ -179,7 +184,7 @@ def test_a_program_is_made_for_each_number_of_places(monkeypatch: pytest.MonkeyP
 )
 def test_lists_that_cannot_be(lists: dict[str, np.ndarray], message: str) -> None:
     one = (k, first[0], first[1])
-    f = teg.compile(teg.integral(teg.bracket(teg.any(in_disk(listed[k]), one)), (x, 0, 1), (y, 0, 1)), [disks])
+    f = teg.compile(teg.integral(teg.bracket(teg.any(in_squircle(listed[k]), one)), (x, 0, 1), (y, 0, 1)), [disks])
     with pytest.raises(teg.errors.ArrayIndexError, match=message):
         f(disks=AT, **lists)
 
@@ -207,6 +212,6 @@ def test_in_jax() -> None:
     common, half = lens(AT)
     assert float(area) == pytest.approx(np.pi * (AT[:, 2] ** 2).sum() - common, abs=1e-10)
     assert np.asarray(slopes)[0, 2] == pytest.approx(AT[0, 2] * (2 * np.pi - 2 * half[0]), abs=1e-9)
-    open_ = teg.jax_function(pixels(teg.bracket(teg.any(in_disk(listed[k]), LIST))))
+    open_ = teg.jax_function(pixels(teg.bracket(teg.any(in_squircle(listed[k]), LIST))))
     with pytest.raises(teg.errors.ArrayIndexError, match="how many candidates an integral has depends on first, which JAX traces"):
         jax.jit(lambda lists: open_(disks=AT, **lists))(lists)

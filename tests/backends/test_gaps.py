@@ -1,0 +1,143 @@
+"""Sums over the gaps that candidates leave, by hand-written programs in every backend, against the interpreter and against intervals."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+
+from teg.backends.c.loops import compile_c_arrays
+from teg.backends.numpy.kernel import compile_numpy
+from teg.backends.numpy.loops import LaneKernel
+from teg.passes.program.errors_in_loops import with_array_error_estimates
+from teg.program import Assign, Program
+from teg.program.arrays import ArrayProgram, ArraySpec, Gaps, Integers, Load, Loop, Run
+from teg.program.interpreter.arrays import interpret_arrays
+
+LENGTH = Program(("left", "right"), (Assign("v0", "sub", ("p1", "p0")),), ("v0",))
+SQUARE = Program(
+    ("left", "right"),
+    (Assign("v0", "mul", ("p0", "p0")), Assign("v1", "mul", ("p1", "p1")), Assign("v2", "sub", ("v1", "v0"))),
+    ("v2",),
+)
+
+
+def program(places: int) -> ArrayProgram:
+    """Σ over lines of what is left of each, and its first moment, twice; a line has its ends and a range of candidates in arrays."""
+    wide = 3 * places + 3
+    numbers = tuple(f"v{10 + j}" for j in range(wide))
+    loads = tuple(Load(name, 0, ("i1", j)) for j, name in enumerate(numbers))
+    inside = (Run(LENGTH, ("v4", "v5"), ("v6",)), Run(SQUARE, ("v4", "v5"), ("v7",)))
+    gaps = Gaps("i1", "i2", "i3", loads, numbers, ("v1", "v2"), "j", -1, "v8", "v9", "v4", "v5", inside, ("v6", "v7"))
+    ends = Load("v8", 1, ("i0", 0)), Load("v9", 1, ("i0", 1))
+    lists = Integers("i2", "gather", ("i0",), 2), Integers("i4", "add", ("i0", 1)), Integers("i3", "gather", ("i4",), 2)
+    lines = Integers("i5", "length", (0,), 1)
+    loop = Loop("i0", 0, "i5", (*ends, *lists, gaps), ("v1", "v2"), ("v90", "v91"), "k")
+    arrays = ArraySpec("candidates", 2, False), ArraySpec("lines", 2, False), ArraySpec("first", 1, True)
+    return ArrayProgram((), arrays, (lines, loop), ("v90", "v91"))
+
+
+def in_jax(p: ArrayProgram, arrays: list[np.ndarray]) -> tuple[list[float], bool]:
+    import jax
+
+    from teg.backends.jax.kernel import compile_jax
+    from teg.backends.jax.loops import ArrayFunction
+    from teg.backends.jax.runtime import MISSED
+
+    first = arrays[2]  # its entries are known while the program is traced
+    call = jax.jit(lambda *given: ArrayFunction(p, compile_jax)([], [*given, jax.numpy.asarray(first)], [first]))
+    found, note = call(*arrays[:2])
+    return [float(v) for v in found], bool(int(note) & MISSED)
+
+
+def in_c(p: ArrayProgram, arrays: list[np.ndarray]) -> tuple[list[float], bool]:
+    found = compile_c_arrays(p).results([], arrays, 1)
+    return [float(v[0]) for v in found.values], found.missed
+
+
+def in_numpy(p: ArrayProgram, arrays: list[np.ndarray]) -> tuple[list[float], bool]:
+    found = LaneKernel(p, compile_numpy).results([], arrays, 1)
+    return [float(v[0]) for v in found.values], found.missed
+
+
+def left_over(first: float, last: float, rows: np.ndarray, places: int) -> np.ndarray:
+    """The length and the moment of what is not covered, on a fine partition by all places."""
+    ends = np.unique(np.clip([first, last, *rows[:, :places].ravel()], first, last))
+    total = np.zeros(2)
+    for p, q in pairwise(ends):
+        middle, covered = 0.5 * (p + q), False
+        for row in rows:
+            piece = int(np.searchsorted(row[:places], middle))
+            flag, tie = row[places + piece], row[2 * places + 1 + piece]
+            covered |= (tie if 0.25 <= flag <= 0.75 else flag) > 0.5
+        total += [0.0, 0.0] if covered else [q - p, q * q - p * p]
+    return total
+
+
+def some(lines: int, places: int, seed: int) -> list[np.ndarray]:
+    rng = np.random.default_rng(seed)
+    counts = rng.integers(0, 6, lines)
+    n = int(counts.sum())
+    at = np.sort(rng.uniform(-0.3, 1.3, (n, places)), axis=1)
+    at[(at < 0.0) | (at > 1.0)] = np.inf
+    flags = rng.choice([0.0, 0.0, 1.0, 0.5], (n, places + 1))
+    ties = rng.choice([0.0, 1.0], (n, places + 1))
+    candidates = np.c_[np.sort(at, axis=1), flags, ties, np.zeros(n)]
+    return [candidates, np.c_[np.zeros(lines), np.ones(lines)], np.cumsum([0, *counts])]
+
+
+RUNS: dict[str, Callable[..., tuple[list[float], bool]]] = {"c": in_c, "numpy": in_numpy, "jax": in_jax}
+
+
+@pytest.mark.parametrize("backend", RUNS)
+@pytest.mark.parametrize("places", [0, 1, 3])
+def test_what_is_left_over(x64_for_jax: Any, backend: str, places: int) -> None:
+    for seed in range(1 if backend == "jax" else 3):
+        candidates, lines, first = arrays = some(7, places, seed)
+        found, missed = RUNS[backend](program(places), arrays)
+        wanted = sum(left_over(p, q, candidates[a:b], places) for (p, q), (a, b) in zip(lines, pairwise(first), strict=True))
+        assert found == pytest.approx(list(wanted), abs=1e-14)
+        assert interpret_arrays(program(places), [], arrays).outputs == pytest.approx(found, abs=1e-14)
+        assert not missed
+
+
+WHOLE = [[0.0, 1.0]]
+TOUCH = 1e-6
+CASES: dict[str, tuple[list[list[float]], list[list[float]], float, bool]] = {  # candidates with two places, the line, the length, missed
+    "no candidates": ([], WHOLE, 1.0, False),
+    "an empty line": ([], [[1.0, 1.0]], 0.0, False),
+    "a line from right to left": ([], [[1.0, 0.0]], 0.0, False),
+    "a touch from outside": ([[0.5, 0.5 + TOUCH, 0, 0.5, 0, 1, 1, 1, 0]], WHOLE, 1.0, False),
+    "a touch from inside": ([[0.5, 0.5 + TOUCH, 1, 0.5, 1, 0, 0, 0, 0]], WHOLE, 0.0, False),
+    "a touch at the begin": ([[TOUCH, np.inf, 0.5, 1, 0, 0, 0, 0, 0]], WHOLE, 0.0, False),
+    "a tie all along": ([[np.inf, np.inf, 0.5, 0, 0, 1, 0, 0, 0]], WHOLE, 0.0, False),
+    "an unknown place": ([[np.nan, np.inf, 0, 0, 0, 0, 0, 0, 0]], WHOLE, np.nan, False),
+    "an unknown piece": ([[0.5, np.inf, 0, np.nan, 0, 0, 0, 0, 0]], WHOLE, np.nan, False),
+    "an unknown end": ([[0.5, np.inf, 0, 1, 0, 0, 0, 0, 0]], [[0.0, np.nan]], np.nan, False),
+    "a doubt": ([[0.25, 0.5, 0, 1, 0, 0, 0, 0, 1]], WHOLE, 0.75, True),
+}
+
+
+@pytest.mark.parametrize("backend", RUNS)
+def test_touching_and_unknown(x64_for_jax: Any, backend: str) -> None:
+    for name, (rows, line, length, doubtful) in CASES.items():
+        arrays = [np.array(rows).reshape(-1, 9), np.array(line), np.array([0, len(rows)])]
+        found, missed = RUNS[backend](program(2), arrays)
+        assert found[0] == pytest.approx(length, abs=1e-15, nan_ok=True), name
+        assert missed == doubtful, name
+        interpreted = interpret_arrays(program(2), [], arrays)
+        assert (interpreted.outputs[0], interpreted.missed) == (pytest.approx(found[0], abs=1e-15, nan_ok=True), missed), name
+
+
+@pytest.mark.parametrize("backend", ["c", "numpy"])
+def test_doubts_are_in_the_estimates(backend: str) -> None:
+    p = with_array_error_estimates(program(2))
+    for doubt in (0.0, 1.0):
+        arrays = [np.array([[0.25, 0.5, 0, 1, 0, 0, 0, 0, doubt]]), np.array(WHOLE), np.array([0, 1])]
+        (length, _, error, _), _ = RUNS[backend](p, arrays)
+        assert length == pytest.approx(0.75, abs=1e-15)
+        assert 0.0 < error < 1e-13 if not doubt else 1e-6 < error < 1e-5
+        assert interpret_arrays(p, [], arrays).outputs[2] == pytest.approx(error, rel=1e-12)
