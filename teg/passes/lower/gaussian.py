@@ -17,7 +17,8 @@ import math
 from collections.abc import Sequence
 from typing import cast
 
-from teg.analysis.calculus import slope
+from teg.analysis.calculus import slope, value_children
+from teg.analysis.constants import with_symbols, with_values
 from teg.analysis.polynomial import is_null
 from teg.analysis.roots import tidy
 from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Call, Const, Expr, Mul, Pow, Var, const
@@ -123,15 +124,18 @@ class Gaussian:
 
     def _at_peak(self, polynomial: Expr, degree: int, p: Expr) -> tuple[list[Expr], Expr]:
         """Returns the derivatives of a polynomial at the peak, and C."""
+        (polynomial, exponent), constants = with_symbols([polynomial, self.exponent])
         derivatives = [polynomial]
         for _ in range(degree):
             derivatives.append(slope(derivatives[-1], self.x))
-        bend = mul(const(2.0), self.least)
-        factors = [const(1.0 / (2.0**j * math.factorial(j))) for j in range(degree // 2 + 1)]
-        peak = tidy(div(self.at(self.slope, ZERO), bend))
+        rising = slope(exponent, self.x)
+        bend = mul(MINUS_ONE, self.at(slope(rising, self.x), ZERO))
+        largest = 2 ** (degree // 2) * math.factorial(degree // 2)
+        factors = [const(largest // (2**j * math.factorial(j))) for j in range(degree // 2 + 1)]  # of exact numbers: 1/48 is none
+        peak = tidy(div(self.at(rising, ZERO), bend))
         values = [tidy(self.at(e, peak)) for e in derivatives]
-        whole = tidy(_over_all(factors, values, bend))
-        divisors = _divisors(self.exponent) | _divisors(polynomial) | {bend}
+        whole = tidy(_over_all(factors, values, bend), largest)
+        divisors = _divisors(exponent) | _divisors(polynomial) | {bend} | set(constants)
         if is_null(whole):
             whole = ZERO
         elif not _divisors(whole) <= divisors:
@@ -139,6 +143,7 @@ class Gaussian:
             whole = _over_all(factors, at_peak, mul(const(2.0), self.curvature))
         if not all(_divisors(v) <= divisors for v in values):
             values = [self.at(e, self.peak_from(p)) for e in derivatives]
+        whole, *values = with_values([mul(const(1.0 / largest), whole), *values], constants)
         return values, whole
 
 
@@ -149,8 +154,13 @@ def _over_all(factors: Sequence[Expr], derivatives: Sequence[Expr], bend: Expr) 
 
 
 def _divisors(e: Expr) -> set[Node]:
-    """Returns what an expression is divided by."""
-    return {n.base for n in postorder([e]) if isinstance(n, Pow) and n.exponent < 0}
+    """Returns what an expression is divided by, in factors."""
+    divisors: set[Node] = set()
+    for n in postorder([e]):
+        if isinstance(n, Pow) and n.exponent < 0:
+            factors = cast("Sequence[Expr]", n.base.children) if isinstance(n.base, Mul) else (n.base,)
+            divisors.update(f.base if isinstance(f, Pow) else f for f in factors)
+    return divisors
 
 
 def mean_at_nodes(e: Expr, x: Var, p: Expr, q: Expr, nodes: int) -> Expr:
@@ -160,27 +170,62 @@ def mean_at_nodes(e: Expr, x: Var, p: Expr, q: Expr, nodes: int) -> Expr:
     return add(*(mul(const(0.5 * w), cast(Expr, substitute(e, {x: add(middle, mul(const(u), half))}))) for u, w in table))
 
 
-def is_gaussian(exponent: Expr, x: Var) -> bool:
-    """Returns whether the curvature of a quadratic exponent is certainly not positive."""
-    return sign_of(cast(Expr, substitute(slope(slope(exponent, x), x), {x: ZERO}))) < 0
+def is_gaussian(exponent: Expr, x: Var, beside: Sequence[Expr] = ()) -> bool:
+    """Returns whether the curvature of a quadratic exponent is certainly not positive, unless a factor `beside` it is no number: where
+    √v stands in front of exp(-x²/v), v is positive."""
+    return sign_of(cast(Expr, substitute(slope(slope(exponent, x), x), {x: ZERO})), _not_negative(beside)) < 0
 
 
-def sign_of(e: Expr) -> int:
-    """Returns 1 for an expression that is certainly not negative, -1 for one that is certainly not positive, 0 if it is not known."""
+def sign_of(e: Expr, known: frozenset[Expr] = frozenset()) -> int:
+    """Returns 1 for an expression that is certainly not negative, -1 for one that is certainly not positive, 0 if it is not known. Those in
+    `known` are not negative."""
+    if e in known:
+        return 1
     match e:
         case Const():
             return 1 if e.data >= 0 else -1
         case Add():
-            signs = {sign_of(c) for c in e.children}
+            signs = {sign_of(c, known) for c in e.children}
             return signs.pop() if len(signs) == 1 else 0
         case Mul():
-            return math.prod(sign_of(c) for c in e.children)
+            return math.prod(sign_of(c, known) for c in e.children)
         case Pow():
-            return 1 if e.exponent % 2 == 0 else sign_of(e.base)
+            return 1 if e.exponent % 2 == 0 else sign_of(e.base, known)
         case Call() if e.name in ("exp", "cosh", "magnitude", "sqrt", "root"):
             return 1
         case _:
             return 0
+
+
+def _not_negative(factors: Sequence[Expr]) -> frozenset[Expr]:
+    """Returns what is not negative if the factors are numbers: it stands in a root or a logarithm, times what has a sign."""
+    found: set[Expr] = set()
+    for u in _arguments(factors):
+        signs = [(c, sign_of(c)) for c in (cast("Sequence[Expr]", u.children) if isinstance(u, Mul) else (u,))]
+        unknown = [c for c, sign in signs if sign == 0]
+        if len(unknown) == 1 and math.prod(sign for _, sign in signs if sign) > 0:
+            found.add(unknown[0].base if isinstance(unknown[0], Pow) else unknown[0])
+    return frozenset(found)
+
+
+def _arguments(factors: Sequence[Expr]) -> list[Expr]:
+    """Returns the numbers that functions in a product are applied to which need positive ones, whatever its conditions are."""
+    arguments: list[Expr] = []
+    stack, seen = list(factors), set(factors)
+    while stack:
+        node = stack.pop()
+        if isinstance(node, Call) and (node.name in ("sqrt", "log") or _is_root(node)):
+            arguments.append(cast(Expr, node.children[0]))
+        inner = [c for c in value_children(node) if c not in seen] if isinstance(node, Add | Mul | Pow | Call) else []
+        seen.update(inner)
+        stack.extend(inner)
+    return arguments
+
+
+def _is_root(node: Call) -> bool:
+    """Returns whether a node is a power that is no whole number."""
+    exponent = node.children[-1]
+    return node.name == "pow" and isinstance(exponent, Const) and not exponent.data.is_integer()
 
 
 def scaled_erfc(x: Expr) -> Expr:
