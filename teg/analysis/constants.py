@@ -1,19 +1,18 @@
 """Constants that are rounded products of powers of one another, as symbols.
 
 Differentiation multiplies constants: of c = √(2π) it makes 2c and 2c², each of them rounded, and what cancels by their relation leaves a
-rounding, 2c²/(c·s)³ - 2/(c·s³). With a symbol in place of c it is exactly 0. A constant v belongs to c and d if v = r·cᵏ·dᵐ to TOLERANCE, with
-a number r of few bits and |k| + |m| <= MOST_POWER. Numbers of few bits themselves are exact, and stay.
+rounding, 2c²/(c·s)³ - 2/(c·s³). With a symbol in place of c it is exactly 0. A constant v belongs to c and d if v = r·cᵏ·dᵐ to TOLERANCE,
+with a number r of few bits and |k| + |m| <= MOST_POWER. Numbers of few bits themselves are exact, and stay.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from itertools import product
 from typing import cast
 
 from teg.ir.expr import Add, Const, Expr, Mul, Param, Pow, const
-from teg.ir.node import Node, postorder
+from teg.ir.node import Node
 from teg.ir.simplify import integer_power, mul
 from teg.ir.traverse import rewrite, rewrite_below
 
@@ -24,7 +23,11 @@ TOLERANCE = 2.0**-50
 MOST_POWER = 4
 MOST, MOST_BASES = 24, 4
 """The largest sum of powers; the largest numbers of constants, and of symbols that are multiplied with another one."""
-POWERS: list[tuple[int, int]] = sorted(product(range(-MOST_POWER, MOST_POWER + 1), repeat=2), key=lambda powers: (sum(map(abs, powers)), powers[0] < 0))
+RANGE = range(-MOST_POWER, MOST_POWER + 1)
+POWERS = sorted(
+    ((j, k) for j in RANGE for k in RANGE if 0 < abs(j) + abs(k) <= MOST_POWER), key=lambda p: (abs(p[0]) + abs(p[1]), p[0] < 0)
+)
+"""The powers that are looked for, small ones first."""
 
 Symbols = dict[Node, Expr]
 
@@ -63,7 +66,18 @@ def with_values(expressions: Iterable[Expr], symbols: Symbols) -> list[Expr]:
 
 
 def _constants(e: Expr) -> list[Const]:
-    return [n for n in postorder([e]) if isinstance(n, Const)]
+    """Returns the constants outside of functions and conditions."""
+    order: list[Const] = []
+    stack, seen = [e], {e}
+    while stack:
+        node = stack.pop()
+        if isinstance(node, Const):
+            order.append(node)
+        for c in cast("Sequence[Expr]", node.children) if isinstance(node, Add | Mul | Pow) else ():
+            if c not in seen:
+                seen.add(c)
+                stack.append(c)
+    return order
 
 
 def _is_exact(v: float) -> bool:
@@ -90,7 +104,7 @@ def _relations(values: Sequence[float], base: float, others: Sequence[float]) ->
 def _relation(v: float, bases: Sequence[float]) -> tuple[float, tuple[int, int]] | None:
     """Returns r and the powers of one or two bases whose product v is, but for rounding; None if there are none."""
     for powers in POWERS:
-        if not 0 < sum(map(abs, powers)) <= MOST_POWER or (len(bases) == 1 and powers[1]):
+        if len(bases) == 1 and powers[1]:
             continue
         try:
             quotient = v / math.prod(b**k for b, k in zip(bases, powers, strict=False))

@@ -19,29 +19,32 @@ from typing import cast
 
 from teg.analysis.calculus import slope, value_children
 from teg.analysis.constants import with_symbols, with_values
+from teg.analysis.expanded import expanded
 from teg.analysis.polynomial import is_null
 from teg.analysis.roots import tidy
-from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Call, Const, Expr, Mul, Pow, Var, const
+from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Call, Const, Expr, Mul, Param, Pow, Var, const
 from teg.ir.node import Node, postorder
 from teg.ir.simplify import add, call, conjunction, div, integer_power, mul, positive, sub, where
 from teg.ir.traverse import substitute
 from teg.numerics.error_function import SCALED, SCALED_TURN
 from teg.numerics.quadrature import gauss_legendre
 
-MOST_DEGREE = 8
+MOST_DEGREE = 16
 """The largest degree of the polynomial."""
-CUBIC = 3
-"""The largest degree for which few nodes are taken on narrow pieces. Of higher powers more digits of moments about the peak cancel."""
-NARROW = {True: 0.125, False: 1.0}
-"""Half of the largest w·(q - p)·max(1, |α + β|/2) for which nodes are taken, by whether the degree is at most CUBIC: the exponent changes
-by a half at most, or by 4."""
-NODES = {True: 6, False: 12}
+CUBIC, HIGH = 3, 8
+"""The largest degrees for which few nodes are taken on narrow pieces, and some. Of higher powers more digits of moments about the peak
+cancel."""
+NARROW = (0.125, 1.0, 2.75)
+"""Half of the largest w·(q - p)·max(1, |α + β|/2) for which nodes are taken, for degrees up to CUBIC, up to HIGH, and above: the exponent
+changes by a half at most, by 4, or by 30."""
+NODES = (6, 12, 32)
 """Nodes that integrate a polynomial times a Gaussian to rounding there."""
 FAR = (30.0, 4.0, 2.0)
 """The distance of a piece from the peak, times w, beyond which moments about the peak cancel, by the degree of the polynomial. There the
 Gaussian falls off like an exponential, and TAIL_NODES nodes on the part where it falls by exp(-DECAY) give the mean; RISE is added to
 that for each degree above CUBIC, by which a power of the distance from its end has risen there."""
-TAIL_NODES, DECAY, RISE = 24, 37.0, 3.0
+TAIL_NODES = (24, 24, 32)
+DECAY, RISE = 37.0, 3.0
 FLAT = 1e-280
 """Replaces w² where it is 0: the formulas are then those of an exponential."""
 RESOLVED = 2.0**-6
@@ -87,10 +90,10 @@ class Gaussian:
         length = mul(self.width, sub(q, p))
         integrand = mul(polynomial, call("exp", self.exponent))
         change = mul(const(0.5), length, call("max", ONE, call("magnitude", mul(const(0.5), add(alpha, beta)))))
-        few = degree <= CUBIC
-        narrow = mean_at_nodes(integrand, self.x, p, q, NODES[few])
+        kind = (degree > CUBIC) + (degree > HIGH)
+        narrow = mean_at_nodes(integrand, self.x, p, q, NODES[kind])
         wide = div(self._integral(polynomial, degree, (p, q), (alpha, beta)), length)
-        result = where(positive(sub(change, const(NARROW[few]))), wide, narrow)
+        result = where(positive(sub(change, const(NARROW[kind]))), wide, narrow)
         if degree == 0:
             return result
         near = call("min", call("magnitude", alpha), call("magnitude", beta))
@@ -99,7 +102,7 @@ class Gaussian:
         part = call("min", sub(q, p), reach)
         rising = positive(mul(MINUS_ONE, alpha))
         low, high = where(rising, sub(q, part), p), where(rising, q, add(p, part))
-        tail = mul(div(part, sub(q, p)), mean_at_nodes(integrand, self.x, low, high, TAIL_NODES))
+        tail = mul(div(part, sub(q, p)), mean_at_nodes(integrand, self.x, low, high, TAIL_NODES[kind]))
         outside = positive(mul(alpha, beta))
         return where(conjunction(outside, positive(sub(near, const(FAR[min(degree, len(FAR)) - 1])))), tail, result)
 
@@ -133,8 +136,8 @@ class Gaussian:
         largest = 2 ** (degree // 2) * math.factorial(degree // 2)
         factors = [const(largest // (2**j * math.factorial(j))) for j in range(degree // 2 + 1)]  # of exact numbers: 1/48 is none
         peak = tidy(div(self.at(rising, ZERO), bend))
-        values = [tidy(self.at(e, peak)) for e in derivatives]
-        whole = tidy(_over_all(factors, values, bend), largest)
+        values = [_simplified(self.at(e, peak), math.factorial(k)) for k, e in enumerate(derivatives)]
+        whole = _simplified(_over_all(factors, values, bend), largest * math.factorial(degree))
         divisors = _divisors(exponent) | _divisors(polynomial) | {bend} | set(constants)
         if is_null(whole):
             whole = ZERO
@@ -151,6 +154,26 @@ def _over_all(factors: Sequence[Expr], derivatives: Sequence[Expr], bend: Expr) 
     """Returns the mean of a polynomial over all of a Gaussian, from its derivatives at the peak."""
     terms = enumerate(zip(factors, derivatives[::2], strict=True))
     return add(*(mul(c, v, integer_power(bend, -j)) for j, (c, v) in terms))
+
+
+def _simplified(e: Expr, scale: float = 1.0) -> Expr:
+    """Returns the shorter of two exact normal forms: in all symbols, where all terms cancel that may, or in sums such as 2m - 1, whose
+    powers would cancel where these are small if they were written out."""
+    plain = tidy(e, scale)
+    sums = [n for n in postorder([e]) if isinstance(n, Add) and all(map(_is_linear, n.children))]
+    local = None if is_null(plain) or not sums else expanded(e, whole=sums)
+    return plain if local is None or (plain is not e and _terms(plain) < _terms(local)) else local
+
+
+def _terms(e: Expr) -> int:
+    return len(e.children) if isinstance(e, Add) else 1
+
+
+def _is_linear(e: Node) -> bool:
+    """Returns whether an expression is a number times a parameter, or one of them."""
+    return isinstance(e, Const | Param) or (
+        isinstance(e, Mul) and sum(not isinstance(c, Const) for c in e.children) == 1 and _is_linear(e.children[-1])
+    )
 
 
 def _divisors(e: Expr) -> set[Node]:
@@ -215,7 +238,7 @@ def _arguments(factors: Sequence[Expr]) -> list[Expr]:
     while stack:
         node = stack.pop()
         if isinstance(node, Call) and (node.name in ("sqrt", "log") or _is_root(node)):
-            arguments.append(cast(Expr, node.children[0]))
+            arguments.append(node.children[0])
         inner = [c for c in value_children(node) if c not in seen] if isinstance(node, Add | Mul | Pow | Call) else []
         seen.update(inner)
         stack.extend(inner)

@@ -109,8 +109,8 @@ def without_tails(group: Sequence[Integral]) -> tuple[Expr, Expr]:
 
 
 class _Means:
-    """Means over one piece. `terms` counts exponentials and waves, `polynomials` terms without one; `gaussians` has those of the terms. `_around` has the
-    constant factors around the term that is looked at."""
+    """Means over one piece. `terms` counts exponentials and waves, `polynomials` terms without one; `gaussians` has those of the terms.
+    `_around` has the constant factors around the term that is looked at."""
 
     def __init__(self, x: Var) -> None:
         self.x, self.p, self.q = x, P, Q
