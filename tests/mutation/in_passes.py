@@ -424,6 +424,23 @@ IN_PASSES: tuple[Mutant, ...] = (
         ("powers of sums that are small", "(plain is not e and _terms(plain) < _terms(local))", "plain is not e"),
         ("tails of high moments", "RISE * max(0, degree - CUBIC)", "0.0"),
     ),
+    *mutants(
+        "teg/analysis/centres.py",
+        ("tests/passes/lower/test_gaussian.py",),
+        ("densities on a curve", "([] if masses is None else [masses.g])", "[]"),
+        (
+            "places on a curve that are looked for",
+            "self.degrees.of(apart, x) not in (1, 2):\n                            searches",
+            "False:\n                            searches",
+        ),
+    ),
+    Mutant(
+        "ends of a layer on a curve",
+        "teg/passes/lower/pieces.py",
+        "for place in (node.var, sub(node.var, width), add(node.var, width)):",
+        "for place in (node.var,):",
+        ("tests/passes/lower/test_gaussian.py",),
+    ),
     Mutant(
         "terms of one exponential in sums of sums",
         "teg/passes/lower/means.py",
