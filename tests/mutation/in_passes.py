@@ -442,6 +442,13 @@ IN_PASSES: tuple[Mutant, ...] = (
         ("tests/passes/lower/test_gaussian.py",),
     ),
     Mutant(
+        "an angle beside its argument",
+        "teg/passes/normalise/cuts.py",
+        "if flat is None or flat.free else",
+        "if True else",
+        ("tests/passes/normalise/test_cuts.py",),
+    ),
+    Mutant(
         "terms of one exponential in sums of sums",
         "teg/passes/lower/means.py",
         "if not isinstance(moving[0], Add):",
