@@ -8,8 +8,8 @@ Two narrow centres of an inner integral are seen from outside: where they meet, 
 finite bound of an infinite inner range, the outer integrand has a centre. So ∫ dy ∫ f(x - t)·g(y - x) dx has the centre y = t. Where a
 Gaussian or a pole meets a bound or a surface of its range that moves, the outer integrand rises from nothing to all of it: ∫ dy ∫
 e^(-(x/s)²)·[x < y - t] dx has the centre y = t too; a sum over the roots of such a surface has a peak there. On a curved surface the place
-is a root that is looked for. An exponential decays from an edge of its range, a bound or a surface: on a finite outer range there is a
-centre where two edges meet, 0 = y - t in ∫ dy ∫₀ e^(-x/s)·[x < y - t] dx, and where the middle of a step, 1/(1 + e^(-x/s)), meets an edge;
+is a root that is looked for. An exponential decays from an edge of its range, a bound or a surface: there is a centre
+where two edges meet, 0 = y - t in ∫ dy ∫₀ e^(-x/s)·[x < y - t] dx, and where the middle of a step, 1/(1 + e^(-x/s)), meets an edge;
 so does e^(-(x² - m)/s), whose middle may lie beyond the edge. Polynomials in front of functions, sines and cosines have no centres. Linear
 in the size of the integrand, but for pairs of at most MAX_CENTRES.
 """
@@ -112,7 +112,7 @@ class Centres:
             x, outside = node.var, binders_inside(node.body)
             found: dict[object, Centre] = {}
             for inner in outermost_integrals([node.body], x):
-                for apart, width, kind in self._meetings(inner, decays=not is_unbounded(node)):
+                for apart, width, kind in self._meetings(inner):
                     if (apart.free | width.free) & outside or self.degrees.of(apart, x) not in (1, 2):
                         continue
                     for root in quadratic_roots(apart, x) if self.degrees.of(apart, x) == 2 else (Root(self._root(apart, x)),):
@@ -138,9 +138,9 @@ class Centres:
             self._searched[node] = tuple(searches.values())[:MAX_SEARCHED]
         return self._searched[node]
 
-    def _meetings(self, inner: Integral, *, decays: bool) -> Iterator[tuple[Expr, Expr, str]]:
+    def _meetings(self, inner: Integral) -> Iterator[tuple[Expr, Expr, str]]:
         """Yields functions that are 0 where a centre of an integral meets something, by how much they change within its width, and the kind
-        of the place; those of exponentials if `decays`. On a finite range a centre counts that may be narrow."""
+        of the place. On a finite range a centre counts that may be narrow."""
         z = inner.var
         centres = [c for c in self.of(inner) if not _is_wide(c, inner)]
         for first, second in combinations(centres, 2):
@@ -148,10 +148,10 @@ class Centres:
         bounds = [b for b, end in zip((inner.lo, inner.hi), infinite_ends(inner), strict=True) if not end]
         surfaces = _surfaces(inner)
         for c in centres:
-            narrow = c.kind in ("bell", "pole") or (decays and c.kind == "decay")
+            narrow = c.kind in ("bell", "pole", "decay")
             if narrow or is_unbounded(inner):
                 yield from _at(c, bounds, surfaces if narrow else (), inner)
-        edges = [*bounds, *(self._root(g, z) for g in surfaces if self.degrees.of(g, z) == 1)] if decays else []
+        edges = [*bounds, *(self._root(g, z) for g in surfaces if self.degrees.of(g, z) == 1)]
         for c in centres:
             for edge in edges if c.kind == "decay" else ():
                 yield from _at(Centre(edge, c.width, c.kind), bounds, surfaces, inner)

@@ -70,6 +70,16 @@ def test_an_exponential_that_a_line_divides(backend: str, x64_for_jax: None) -> 
         assert gradient["k"] == pytest.approx((1 - left) / 0.7, rel=1e-8)
 
 
+def test_a_sum_of_two_waiting_times() -> None:
+    """P(X + Y > t) for exponential X, Y of the rates 1 and 1/s is (e⁻ᵗ - s·e^(-t/s))/(1 - s). On infinite ranges the layer of width s below
+    x = t was missed: the value lacked its part s."""
+    waiting = teg.integral(teg.exp(-y / s) / s * teg.bracket(x + y > k), (y, 0, math.inf))
+    f = teg.compile(teg.integral(teg.exp(-x) * waiting, (x, 0, math.inf)), [k], backend="numpy")
+    for width in (1e-3, 1e-4, 1e-6):
+        assert f(s=width, k=9.0) == pytest.approx(math.exp(-9) / (1 - width), rel=1e-10)
+        assert f.grad(s=width, k=9.0)["k"] == pytest.approx(-math.exp(-9) / (1 - width), rel=1e-8)
+
+
 @pytest.mark.parametrize("backend", ["numpy", "c"])
 def test_an_exponential_from_a_surface_inwards(backend: str) -> None:
     """The same the other way round: it decays from the line, and the layer is where the line meets x = m."""
