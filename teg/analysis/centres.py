@@ -7,10 +7,11 @@
 Two narrow centres of an inner integral are seen from outside: where they meet, as functions of an outer variable, or where one meets a
 finite bound of an infinite inner range, the outer integrand has a centre. So ∫ dy ∫ f(x - t)·g(y - x) dx has the centre y = t. Where a
 Gaussian or a pole meets a bound or a surface of its range that moves, the outer integrand rises from nothing to all of it: ∫ dy ∫
-e^(-(x/s)²)·[x < y - t] dx has the centre y = t too. An exponential decays from an edge of its range, a bound or a surface: on a finite
-outer range there is a centre where two edges meet, 0 = y - t in ∫ dy ∫₀ e^(-x/s)·[x < y - t] dx, and where the middle of a step, 1/(1 +
-e^(-x/s)), meets an edge; so does e^(-(x² - m)/s), whose middle may lie beyond the edge. Polynomials in front of functions, sines and
-cosines have no centres. Linear in the size of the integrand, but for pairs of at most MAX_CENTRES.
+e^(-(x/s)²)·[x < y - t] dx has the centre y = t too; a sum over the roots of such a surface has a peak there. On a curved surface the place
+is a root that is looked for. An exponential decays from an edge of its range, a bound or a surface: there is a centre
+where two edges meet, 0 = y - t in ∫ dy ∫₀ e^(-x/s)·[x < y - t] dx, and where the middle of a step, 1/(1 + e^(-x/s)), meets an edge;
+so does e^(-(x² - m)/s), whose middle may lie beyond the edge. Polynomials in front of functions, sines and cosines have no centres. Linear
+in the size of the integrand, but for pairs of at most MAX_CENTRES.
 """
 
 from __future__ import annotations
@@ -28,17 +29,19 @@ from teg.analysis.roots import Root, quadratic_roots
 from teg.analysis.surfaces import atoms_of, binders_inside
 from teg.analysis.tails import infinite_ends, is_unbounded
 from teg.errors import NotDifferentiableError
-from teg.ir.expr import MINUS_ONE, ONE, ZERO, Call, Compare, Const, Expr, Pow, Var, const
+from teg.ir.expr import MINUS_ONE, ONE, TRUE, ZERO, Call, Compare, Cond, Const, Expr, Pow, Var, const
 from teg.ir.function import Apply
-from teg.ir.integral import Integral, outermost_integrals
+from teg.ir.integral import Integral, masses_of, outermost_integrals
 from teg.ir.node import Node
-from teg.ir.simplify import add, call, div, mul, sub
+from teg.ir.simplify import add, call, div, mul, positive, sub
 from teg.ir.traverse import substitute
 
 MAX_CENTRES = 4
 """The largest number of centres of one integral."""
-MAX_MET = 64
+MAX_MET = 512
 """The largest number of places where those of inner integrals meet something."""
+MAX_SEARCHED = 8
+"""The same where curved surfaces have these places."""
 NARROW = 1 / 64
 """The width, as a part of a finite range, from which nodes see a centre anyway."""
 SEEN_AT_AN_EDGE = 2.0**-12
@@ -76,6 +79,16 @@ class Centre:
         return SEEN_AT_AN_EDGE if self.kind == "edge" else NARROW
 
 
+@dataclass(frozen=True)
+class Search:
+    """A function of an outer variable that is 0 where the middle of a Gaussian meets a curved surface, by how much it changes within the
+    Gaussian's width, and the condition that this is narrow."""
+
+    apart: Expr
+    width: Expr
+    narrow: Cond
+
+
 class Centres:
     """The centres of the integrals of one program. `key` returns equal keys for functions that are proportional by a number."""
 
@@ -83,6 +96,7 @@ class Centres:
         self.degrees, self.key = degrees, key
         self._of: dict[Integral, tuple[Centre, ...]] = {}
         self._met: dict[Integral, tuple[Centre, ...]] = {}
+        self._searched: dict[Integral, tuple[Search, ...]] = {}
 
     def of(self, node: Integral) -> tuple[Centre, ...]:
         """Returns the centres of an integrand. The recursion is as deep as integrals are nested."""
@@ -98,7 +112,7 @@ class Centres:
             x, outside = node.var, binders_inside(node.body)
             found: dict[object, Centre] = {}
             for inner in outermost_integrals([node.body], x):
-                for apart, width, kind in self._meetings(inner, decays=not is_unbounded(node)):
+                for apart, width, kind in self._meetings(inner):
                     if (apart.free | width.free) & outside or self.degrees.of(apart, x) not in (1, 2):
                         continue
                     for root in quadratic_roots(apart, x) if self.degrees.of(apart, x) == 2 else (Root(self._root(apart, x)),):
@@ -109,20 +123,35 @@ class Centres:
             self._met[node] = tuple(found.values())[:MAX_MET]
         return self._met[node]
 
-    def _meetings(self, inner: Integral, *, decays: bool) -> Iterator[tuple[Expr, Expr, str]]:
+    def searched(self, node: Integral) -> tuple[Search, ...]:
+        """Returns the functions whose roots, of a degree above 2, are such places."""
+        if node not in self._searched:
+            x, outside = node.var, binders_inside(node.body)
+            searches: dict[object, Search] = {}
+            for inner in outermost_integrals([node.body], x):
+                size = call("magnitude", sub(inner.hi, inner.lo))
+                for c in (c for c in self.of(inner) if c.kind == "bell" and not _is_wide(c, inner)):
+                    narrow = TRUE if is_unbounded(inner) else positive(sub(mul(const(NARROW), size), c.width))
+                    for apart, width, _ in _at(c, (), _surfaces(inner), inner):
+                        if x in apart.free and not (apart.free | width.free) & outside and self.degrees.of(apart, x) not in (1, 2):
+                            searches.setdefault(self.key(apart), Search(apart, width, narrow))
+            self._searched[node] = tuple(searches.values())[:MAX_SEARCHED]
+        return self._searched[node]
+
+    def _meetings(self, inner: Integral) -> Iterator[tuple[Expr, Expr, str]]:
         """Yields functions that are 0 where a centre of an integral meets something, by how much they change within its width, and the kind
-        of the place; those of exponentials if `decays`. On a finite range a centre counts that may be narrow."""
+        of the place. On a finite range a centre counts that may be narrow."""
         z = inner.var
         centres = [c for c in self.of(inner) if not _is_wide(c, inner)]
         for first, second in combinations(centres, 2):
             yield sub(first.place, second.place), add(first.width, second.width), ""
         bounds = [b for b, end in zip((inner.lo, inner.hi), infinite_ends(inner), strict=True) if not end]
-        surfaces = [atom.g for atom in dict.fromkeys(atoms_of(inner.body, z))]
+        surfaces = _surfaces(inner)
         for c in centres:
-            narrow = c.kind in ("bell", "pole") or (decays and c.kind == "decay")
+            narrow = c.kind in ("bell", "pole", "decay")
             if narrow or is_unbounded(inner):
                 yield from _at(c, bounds, surfaces if narrow else (), inner)
-        edges = [*bounds, *(self._root(g, z) for g in surfaces if self.degrees.of(g, z) == 1)] if decays else []
+        edges = [*bounds, *(self._root(g, z) for g in surfaces if self.degrees.of(g, z) == 1)]
         for c in centres:
             for edge in edges if c.kind == "decay" else ():
                 yield from _at(Centre(edge, c.width, c.kind), bounds, surfaces, inner)
@@ -178,6 +207,12 @@ def _at(centre: Centre, bounds: Sequence[Expr], surfaces: Sequence[Expr], node: 
         with suppress(NotDifferentiableError):
             value, rate = (cast(Expr, substitute(e, {node.var: centre.place})) for e in (g, slope(g, node.var)))
             yield value, mul(centre.width, call("magnitude", rate)), kind
+
+
+def _surfaces(node: Integral) -> list[Expr]:
+    """Returns the functions at whose zeros an integrand jumps or has its mass."""
+    masses = masses_of(node.body, node.var)
+    return [atom.g for atom in dict.fromkeys(atoms_of(node.body, node.var))] + ([] if masses is None else [masses.g])
 
 
 def is_high(exponent: Expr) -> bool:

@@ -273,7 +273,7 @@ def _normal_form(e: Expr, limit: int, kept: frozenset[Expr] = frozenset()) -> tu
                     form[m] = form.get(m, 0) + weight
             if form is not None:
                 form = {m: k for m, k in form.items() if k}
-        elif isinstance(node, Mul) or (isinstance(node, Pow) and 0 < node.exponent <= 8):
+        elif isinstance(node, Mul) or (isinstance(node, Pow) and 0 < node.exponent <= (8 if len(forms[node.base] or ()) > 1 else 32)):
             form = {(): 1}
             for c in node.children if isinstance(node, Mul) else (node.base,) * node.exponent:
                 part = forms[c]

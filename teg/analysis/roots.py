@@ -137,10 +137,10 @@ def quadratic_coefficients(g: Expr, x: Var, origin: Expr = ZERO) -> tuple[Expr, 
     return tidy(a), tidy(b), tidy(c)
 
 
-def tidy(e: Expr) -> Expr:
-    """Returns the shorter of an expression and its exact normal form."""
+def tidy(e: Expr, scale: float = 1.0) -> Expr:
+    """Returns the shorter of an expression and its exact normal form. Numbers in it were multiplied by a scale."""
     normal = shorter_form(e, variables=True)
-    return normal if normal is not None and size(normal) <= size(e) and not _is_coarse(normal) else e
+    return normal if normal is not None and size(normal) <= size(e) and not _is_coarse(normal, scale) else e
 
 
 def discriminant(a: Expr, b: Expr, c: Expr) -> Expr:
@@ -194,9 +194,9 @@ def _is_scaled(e: Node) -> bool:
     )
 
 
-def _is_coarse(normal: Expr) -> bool:
+def _is_coarse(normal: Expr, scale: float = 1.0) -> bool:
     """Returns whether a normal form has such large numbers that it loses digits: (x - 1000)², written out."""
-    return any(isinstance(n, Const) and abs(n.data) > COARSE for n in postorder([normal]))
+    return any(isinstance(n, Const) and abs(n.data) > COARSE * scale for n in postorder([normal]))
 
 
 def quadratic_roots(g: Expr, x: Var, origin: Expr = ZERO) -> tuple[Root, ...]:

@@ -17,30 +17,34 @@ import math
 from collections.abc import Sequence
 from typing import cast
 
-from teg.analysis.calculus import slope
+from teg.analysis.calculus import slope, value_children
+from teg.analysis.constants import with_symbols, with_values
+from teg.analysis.expanded import expanded
 from teg.analysis.polynomial import is_null
 from teg.analysis.roots import tidy
-from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Call, Const, Expr, Mul, Pow, Var, const
+from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Call, Const, Expr, Mul, Param, Pow, Var, const
 from teg.ir.node import Node, postorder
 from teg.ir.simplify import add, call, conjunction, div, integer_power, mul, positive, sub, where
 from teg.ir.traverse import substitute
 from teg.numerics.error_function import SCALED, SCALED_TURN
 from teg.numerics.quadrature import gauss_legendre
 
-MOST_DEGREE = 8
+MOST_DEGREE = 16
 """The largest degree of the polynomial."""
-CUBIC = 3
-"""The largest degree for which few nodes are taken on narrow pieces. Of higher powers more digits of moments about the peak cancel."""
-NARROW = {True: 0.125, False: 1.0}
-"""Half of the largest w·(q - p)·max(1, |α + β|/2) for which nodes are taken, by whether the degree is at most CUBIC: the exponent changes
-by a half at most, or by 4."""
-NODES = {True: 6, False: 12}
+CUBIC, HIGH = 3, 8
+"""The largest degrees for which few nodes are taken on narrow pieces, and some. Of higher powers more digits of moments about the peak
+cancel."""
+NARROW = (0.125, 1.0, 2.75)
+"""Half of the largest w·(q - p)·max(1, |α + β|/2) for which nodes are taken, for degrees up to CUBIC, up to HIGH, and above: the exponent
+changes by a half at most, by 4, or by 30."""
+NODES = (6, 12, 32)
 """Nodes that integrate a polynomial times a Gaussian to rounding there."""
 FAR = (30.0, 4.0, 2.0)
 """The distance of a piece from the peak, times w, beyond which moments about the peak cancel, by the degree of the polynomial. There the
 Gaussian falls off like an exponential, and TAIL_NODES nodes on the part where it falls by exp(-DECAY) give the mean; RISE is added to
 that for each degree above CUBIC, by which a power of the distance from its end has risen there."""
-TAIL_NODES, DECAY, RISE = 24, 37.0, 3.0
+TAIL_NODES = (24, 24, 32)
+DECAY, RISE = 37.0, 3.0
 FLAT = 1e-280
 """Replaces w² where it is 0: the formulas are then those of an exponential."""
 RESOLVED = 2.0**-6
@@ -86,10 +90,10 @@ class Gaussian:
         length = mul(self.width, sub(q, p))
         integrand = mul(polynomial, call("exp", self.exponent))
         change = mul(const(0.5), length, call("max", ONE, call("magnitude", mul(const(0.5), add(alpha, beta)))))
-        few = degree <= CUBIC
-        narrow = mean_at_nodes(integrand, self.x, p, q, NODES[few])
+        kind = (degree > CUBIC) + (degree > HIGH)
+        narrow = mean_at_nodes(integrand, self.x, p, q, NODES[kind])
         wide = div(self._integral(polynomial, degree, (p, q), (alpha, beta)), length)
-        result = where(positive(sub(change, const(NARROW[few]))), wide, narrow)
+        result = where(positive(sub(change, const(NARROW[kind]))), wide, narrow)
         if degree == 0:
             return result
         near = call("min", call("magnitude", alpha), call("magnitude", beta))
@@ -98,7 +102,7 @@ class Gaussian:
         part = call("min", sub(q, p), reach)
         rising = positive(mul(MINUS_ONE, alpha))
         low, high = where(rising, sub(q, part), p), where(rising, q, add(p, part))
-        tail = mul(div(part, sub(q, p)), mean_at_nodes(integrand, self.x, low, high, TAIL_NODES))
+        tail = mul(div(part, sub(q, p)), mean_at_nodes(integrand, self.x, low, high, TAIL_NODES[kind]))
         outside = positive(mul(alpha, beta))
         return where(conjunction(outside, positive(sub(near, const(FAR[min(degree, len(FAR)) - 1])))), tail, result)
 
@@ -123,15 +127,18 @@ class Gaussian:
 
     def _at_peak(self, polynomial: Expr, degree: int, p: Expr) -> tuple[list[Expr], Expr]:
         """Returns the derivatives of a polynomial at the peak, and C."""
+        (polynomial, exponent), constants = with_symbols([polynomial, self.exponent])
         derivatives = [polynomial]
         for _ in range(degree):
             derivatives.append(slope(derivatives[-1], self.x))
-        bend = mul(const(2.0), self.least)
-        factors = [const(1.0 / (2.0**j * math.factorial(j))) for j in range(degree // 2 + 1)]
-        peak = tidy(div(self.at(self.slope, ZERO), bend))
-        values = [tidy(self.at(e, peak)) for e in derivatives]
-        whole = tidy(_over_all(factors, values, bend))
-        divisors = _divisors(self.exponent) | _divisors(polynomial) | {bend}
+        rising = slope(exponent, self.x)
+        bend = mul(MINUS_ONE, self.at(slope(rising, self.x), ZERO))
+        largest = 2 ** (degree // 2) * math.factorial(degree // 2)
+        factors = [const(largest // (2**j * math.factorial(j))) for j in range(degree // 2 + 1)]  # of exact numbers: 1/48 is none
+        peak = tidy(div(self.at(rising, ZERO), bend))
+        values = [_simplified(self.at(e, peak), math.factorial(k)) for k, e in enumerate(derivatives)]
+        whole = _simplified(_over_all(factors, values, bend), largest * math.factorial(degree))
+        divisors = _divisors(exponent) | _divisors(polynomial) | {bend} | set(constants)
         if is_null(whole):
             whole = ZERO
         elif not _divisors(whole) <= divisors:
@@ -139,6 +146,7 @@ class Gaussian:
             whole = _over_all(factors, at_peak, mul(const(2.0), self.curvature))
         if not all(_divisors(v) <= divisors for v in values):
             values = [self.at(e, self.peak_from(p)) for e in derivatives]
+        whole, *values = with_values([mul(const(1.0 / largest), whole), *values], constants)
         return values, whole
 
 
@@ -148,9 +156,34 @@ def _over_all(factors: Sequence[Expr], derivatives: Sequence[Expr], bend: Expr) 
     return add(*(mul(c, v, integer_power(bend, -j)) for j, (c, v) in terms))
 
 
+def _simplified(e: Expr, scale: float = 1.0) -> Expr:
+    """Returns the shorter of two exact normal forms: in all symbols, where all terms cancel that may, or in sums such as 2m - 1, whose
+    powers would cancel where these are small if they were written out."""
+    plain = tidy(e, scale)
+    sums = [n for n in postorder([e]) if isinstance(n, Add) and all(map(_is_linear, n.children))]
+    local = None if is_null(plain) or not sums else expanded(e, whole=sums)
+    return plain if local is None or (plain is not e and _terms(plain) < _terms(local)) else local
+
+
+def _terms(e: Expr) -> int:
+    return len(e.children) if isinstance(e, Add) else 1
+
+
+def _is_linear(e: Node) -> bool:
+    """Returns whether an expression is a number times a parameter, or one of them."""
+    return isinstance(e, Const | Param) or (
+        isinstance(e, Mul) and sum(not isinstance(c, Const) for c in e.children) == 1 and _is_linear(e.children[-1])
+    )
+
+
 def _divisors(e: Expr) -> set[Node]:
-    """Returns what an expression is divided by."""
-    return {n.base for n in postorder([e]) if isinstance(n, Pow) and n.exponent < 0}
+    """Returns what an expression is divided by, in factors."""
+    divisors: set[Node] = set()
+    for n in postorder([e]):
+        if isinstance(n, Pow) and n.exponent < 0:
+            factors = cast("Sequence[Expr]", n.base.children) if isinstance(n.base, Mul) else (n.base,)
+            divisors.update(f.base if isinstance(f, Pow) else f for f in factors)
+    return divisors
 
 
 def mean_at_nodes(e: Expr, x: Var, p: Expr, q: Expr, nodes: int) -> Expr:
@@ -160,27 +193,62 @@ def mean_at_nodes(e: Expr, x: Var, p: Expr, q: Expr, nodes: int) -> Expr:
     return add(*(mul(const(0.5 * w), cast(Expr, substitute(e, {x: add(middle, mul(const(u), half))}))) for u, w in table))
 
 
-def is_gaussian(exponent: Expr, x: Var) -> bool:
-    """Returns whether the curvature of a quadratic exponent is certainly not positive."""
-    return sign_of(cast(Expr, substitute(slope(slope(exponent, x), x), {x: ZERO}))) < 0
+def is_gaussian(exponent: Expr, x: Var, beside: Sequence[Expr] = ()) -> bool:
+    """Returns whether the curvature of a quadratic exponent is certainly not positive, unless a factor `beside` it is no number: where
+    √v stands in front of exp(-x²/v), v is positive."""
+    return sign_of(cast(Expr, substitute(slope(slope(exponent, x), x), {x: ZERO})), _not_negative(beside)) < 0
 
 
-def sign_of(e: Expr) -> int:
-    """Returns 1 for an expression that is certainly not negative, -1 for one that is certainly not positive, 0 if it is not known."""
+def sign_of(e: Expr, known: frozenset[Expr] = frozenset()) -> int:
+    """Returns 1 for an expression that is certainly not negative, -1 for one that is certainly not positive, 0 if it is not known. Those in
+    `known` are not negative."""
+    if e in known:
+        return 1
     match e:
         case Const():
             return 1 if e.data >= 0 else -1
         case Add():
-            signs = {sign_of(c) for c in e.children}
+            signs = {sign_of(c, known) for c in e.children}
             return signs.pop() if len(signs) == 1 else 0
         case Mul():
-            return math.prod(sign_of(c) for c in e.children)
+            return math.prod(sign_of(c, known) for c in e.children)
         case Pow():
-            return 1 if e.exponent % 2 == 0 else sign_of(e.base)
+            return 1 if e.exponent % 2 == 0 else sign_of(e.base, known)
         case Call() if e.name in ("exp", "cosh", "magnitude", "sqrt", "root"):
             return 1
         case _:
             return 0
+
+
+def _not_negative(factors: Sequence[Expr]) -> frozenset[Expr]:
+    """Returns what is not negative if the factors are numbers: it stands in a root or a logarithm, times what has a sign."""
+    found: set[Expr] = set()
+    for u in _arguments(factors):
+        signs = [(c, sign_of(c)) for c in (cast("Sequence[Expr]", u.children) if isinstance(u, Mul) else (u,))]
+        unknown = [c for c, sign in signs if sign == 0]
+        if len(unknown) == 1 and math.prod(sign for _, sign in signs if sign) > 0:
+            found.add(unknown[0].base if isinstance(unknown[0], Pow) else unknown[0])
+    return frozenset(found)
+
+
+def _arguments(factors: Sequence[Expr]) -> list[Expr]:
+    """Returns the numbers that functions in a product are applied to which need positive ones, whatever its conditions are."""
+    arguments: list[Expr] = []
+    stack, seen = list(factors), set(factors)
+    while stack:
+        node = stack.pop()
+        if isinstance(node, Call) and (node.name in ("sqrt", "log") or _is_root(node)):
+            arguments.append(node.children[0])
+        inner = [c for c in value_children(node) if c not in seen] if isinstance(node, Add | Mul | Pow | Call) else []
+        seen.update(inner)
+        stack.extend(inner)
+    return arguments
+
+
+def _is_root(node: Call) -> bool:
+    """Returns whether a node is a power that is no whole number."""
+    exponent = node.children[-1]
+    return node.name == "pow" and isinstance(exponent, Const) and not exponent.data.is_integer()
 
 
 def scaled_erfc(x: Expr) -> Expr:

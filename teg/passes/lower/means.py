@@ -109,7 +109,8 @@ def without_tails(group: Sequence[Integral]) -> tuple[Expr, Expr]:
 
 
 class _Means:
-    """Means over one piece. `terms` counts exponentials and waves, `polynomials` terms without one; `gaussians` has those of the terms."""
+    """Means over one piece. `terms` counts exponentials and waves, `polynomials` terms without one; `gaussians` has those of the terms.
+    `_around` has the constant factors around the term that is looked at."""
 
     def __init__(self, x: Var) -> None:
         self.x, self.p, self.q = x, P, Q
@@ -117,6 +118,7 @@ class _Means:
         self.terms = self.polynomials = self._met = 0
         self.gaussians: list[Gaussian] = []
         self._shadow = Shadow((x,))
+        self._around: list[Expr] = []
         self._moving: dict[Node, bool] = {}
         self._choosing: dict[Node, bool] = {}
 
@@ -125,16 +127,14 @@ class _Means:
         return unrolled(self._mean(e))
 
     def _mean(self, e: Expr) -> Steps[Expr]:
-        self._met += 1
-        if self._met > MOST_NODES:
-            raise NoMeanError
+        self._count()
         if self._is_constant(e):
             self.polynomials += e is not ZERO
             return e
         match e:
             case Add():
                 parts = []
-                for c in self._joined(e.children):
+                for c in (yield self._joined(e.children)):
                     parts.append((yield self._mean(c)))
                 return add(*parts)
             case Where():
@@ -145,35 +145,71 @@ class _Means:
             case _:
                 return self._term([e])
 
-    def _joined(self, terms: Sequence[Expr]) -> list[Expr]:
+    def _count(self) -> None:
+        self._met += 1
+        if self._met > MOST_NODES:
+            raise NoMeanError
+
+    def _joined(self, terms: Sequence[Expr]) -> Steps[list[Expr]]:
         """Returns terms in which polynomials times the same exponential are one: of a narrow Gaussian, their means cancel."""
         alone: list[Expr] = []
         joined: dict[Expr, list[Expr]] = {}
         for term in terms:
-            factors = cast("Sequence[Expr]", term.children) if isinstance(term, Mul) else (term,)
-            exponentials = [f for f in factors if isinstance(f, Call) and f.name == "exp" and not self._is_constant(f)]
-            others = mul(*(f for f in factors if f not in exponentials))
-            if len(exponentials) == 1 and self._is_polynomial(others):
-                joined.setdefault(exponentials[0], []).append(others)
-            else:
+            parts = yield self._by_exponential(term)
+            if parts is None:
                 alone.append(term)
+                continue
+            for exponential, polynomial in parts.items():
+                joined.setdefault(exponential, []).append(polynomial)
         return alone + [mul(add(*others), exponential) for exponential, others in joined.items()]
+
+    def _by_exponential(self, term: Expr) -> Steps[dict[Expr, Expr] | None]:
+        """Returns a term as a sum of polynomials times exponentials, by the exponential; None if it is none. Factors in front of a sum stay
+        there: constants that are multiplied are rounded, and their terms would not cancel."""
+        self._count()
+        factors = cast("Sequence[Expr]", term.children) if isinstance(term, Mul) else (term,)
+        moving = [f for f in factors if not self._is_polynomial(f)]
+        if len(moving) != 1:
+            return None
+        others = mul(*(f for f in factors if f is not moving[0]))
+        if isinstance(moving[0], Call):
+            return {moving[0]: others} if moving[0].name == "exp" and not self._is_constant(moving[0]) else None
+        if not isinstance(moving[0], Add):
+            return None
+        joined: dict[Expr, list[Expr]] = {}
+        for c in cast("Sequence[Expr]", moving[0].children):
+            parts = yield self._by_exponential(c)
+            if parts is None:
+                return None
+            for exponential, polynomial in parts.items():
+                joined.setdefault(exponential, []).append(polynomial)
+        return {exponential: mul(others, add(*polynomials)) for exponential, polynomials in joined.items()}
 
     def _product(self, factors: Sequence[Expr]) -> Steps[Expr]:
         """Returns the mean of a product. A sum or a choice among the factors is multiplied out."""
         outside = [f for f in factors if self._is_constant(f)]
         inside = [g for f in factors if not self._is_constant(f) for g in self._written_out(f)]
-        for i, f in enumerate(inside):
-            others = inside[:i] + inside[i + 1 :]
+        around, self._around = self._around, [*self._around, *outside]
+        mean = yield self._inside(inside)
+        self._around = around
+        return mul(*outside, mean)
+
+    def _inside(self, factors: Sequence[Expr]) -> Steps[Expr]:
+        """Returns the mean of a product of factors that are not constant."""
+        for i, f in enumerate(factors):
+            others = [*factors[:i], *factors[i + 1 :]]
             if isinstance(f, Where):
                 then = yield self._mean(mul(f.then, *others))
-                return mul(*outside, where(f.condition, then, (yield self._mean(mul(f.otherwise, *others)))))
+                return where(f.condition, then, (yield self._mean(mul(f.otherwise, *others))))
             if isinstance(f, Add) and not self._is_polynomial(f):
-                parts = []
-                for c in f.children:
-                    parts.append((yield self._mean(mul(c, *others))))
-                return mul(*outside, add(*parts))
-        return mul(*outside, self._term(inside))
+                whole, parts = mul(*others, f), []
+                terms = yield self._joined([whole])
+                if terms == [whole]:
+                    terms = yield self._joined([mul(c, *others) for c in cast("Sequence[Expr]", f.children)])
+                for c in terms:
+                    parts.append((yield self._mean(c)))
+                return add(*parts)
+        return self._term(factors)
 
     def _written_out(self, e: Expr) -> Sequence[Expr]:
         """Returns the factors of a square or a cube of a sum that has other functions in it."""
@@ -228,7 +264,7 @@ class _Means:
         if waves:
             return self._wave(waves[0], polynomial, degree)
         whole = add(*sorted(exponent, key=lambda e: self._degree(e) or 0))  # in an order of its own: equal Gaussians are one
-        if self._degree(whole) == 2 and is_gaussian(whole, self.x) and degree <= MOST_DEGREE:
+        if self._degree(whole) == 2 and is_gaussian(whole, self.x, [*self._around, polynomial]) and degree <= MOST_DEGREE:
             gaussian = Gaussian(whole, self.x)
             self.gaussians.append(gaussian)
             return gaussian.mean(polynomial, degree, self.p, self.q)

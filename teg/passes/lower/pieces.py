@@ -17,10 +17,11 @@ from typing import cast
 
 from teg.analysis.breaks import MAX_BENDS, Breaks
 from teg.analysis.calculus import slope
-from teg.analysis.centres import BELL, DECAY, Centre
+from teg.analysis.centres import BELL, DECAY, Centre, Search
 from teg.analysis.decay import steepest_of_slow
+from teg.analysis.isolation import isolate
 from teg.analysis.projection import Turn
-from teg.analysis.roots import local_origin
+from teg.analysis.roots import local_origin, solve
 from teg.analysis.surfaces import atoms_of
 from teg.analysis.tails import infinite_ends, is_unbounded
 from teg.errors import NotDifferentiableError
@@ -61,7 +62,7 @@ class Pieces:
         ends = self._ends(group, home)
         lo, hi = (self.out.number(end, home) for end in ends)
         breaks = surfaces = tuple(self.out.number(p, home) for p in analysis.points)
-        breaks += self._peaks(group, home) + self._centres(group, home)
+        breaks += self._peaks(group, home) + self._centres(group, home) + self._curved_centres(group, home, when)
         if self.features.ends_at_both(node):
             breaks += (self.out.number(mul(const(0.5), add(node.lo, node.hi)), home),)  # no piece is singular at both ends
         decisive = self._decisive(group, home)
@@ -187,6 +188,37 @@ class Pieces:
             (ends if centre.reach else places).append(middle)
             ends += others
         return (*places, *ends, *self._between(places, home))
+
+    def _curved_centres(self, group: Sequence[Integral], home: Level, when: str | None) -> tuple[Arg, ...]:
+        """Returns the middles and ends of layers on a finite range where narrow Gaussians of inner integrals meet curved surfaces."""
+        node = group[0]
+        if is_unbounded(node) or all(self.rules.is_exact(i, home.depth) for i in group):
+            return ()
+        places: list[Arg] = []
+        for search in dict.fromkeys(s for i in group for s in self.centres.searched(i)):
+            rate = _slope_of(search.apart, node.var)
+            if rate is None:
+                continue
+            centre = Centre(node.var, div(search.width, call("magnitude", rate)), "bell")
+            width, narrow = mul(const(BELL), centre.width), conjunction(search.narrow, self._is_narrow(centre, node))
+            for root in self._roots_of(search, node, home, when):
+                at_root = Level(node.var, home, home.depth + 1, names={node.var: root}, block=home.block)
+                for place in (node.var, sub(node.var, width), add(node.var, width)):
+                    places.append(self._finite(where(narrow, place, const(math.nan)), at_root))
+        return tuple(places)
+
+    def _roots_of(self, search: Search, node: Integral, home: Level, when: str | None) -> Sequence[Arg]:
+        """Returns the roots of a search, by formula or found at run time."""
+        known = solve(search.apart, node.var, node.lo, node.hi)
+        if known is not None:
+            return [self.roots.point(root, home) for root in known.found]
+        isolation = isolate(search.apart, node.var)
+        if isolation is None:
+            return ()
+        narrow = self.out.truths(search.narrow, home)[0]
+        if isinstance(narrow, str):
+            when = narrow if when is None else self.out.assign(home, "and", when, narrow)
+        return () if narrow is False else self.roots.breaks_in(node, (node.lo, node.hi), isolation, home, when, soft=True)
 
     def _finite(self, place: Expr, home: Level) -> Arg:
         """Returns a place, NaN where it is infinite: surfaces that are level in a variable have a centre nowhere."""

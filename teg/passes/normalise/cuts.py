@@ -11,7 +11,8 @@ wherever they are, and an angle that is compared with an affine expression is tw
 
     atan2(v, u) < t    ⇔   v < 0 or u·sin t - v·cos t > 0, for 0 < t <= π;  both, for -π < t <= 0
 
-and so is a field of view, |atan2(v, u) - t| < c.
+and so is a field of view, |atan2(v, u) - t| < c. Where an angle is compared with what it is the angle of, atan2(sin u, cos u) < u, it is
+written as u + 2π·⌊(π - u)/(2π)⌋.
 
 Linear.
 """
@@ -19,7 +20,7 @@ Linear.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import cast
 
 from teg.analysis.calculus import slope
@@ -46,6 +47,8 @@ def with_cuts(root: Expr) -> Expr:
     order = postorder([root])
     if not any(isinstance(n, Call) and n.free and (n.name == "atan2" or n.name in LIMITED) for n in order):
         return root
+    root = cast(Expr, rewrite([root], lambda _, node: _with_turns(node))[root])
+    order = postorder([root])
     inside, outside, cuts = dict[Node, Node](), dict[Node, Node](), _Cuts()
     in_conditions = set(postorder([n for n in order if isinstance(n, Compare)]))
     for node in order:
@@ -92,6 +95,31 @@ class _Cuts:
 
     def _moves(self, e: Node) -> bool:
         return stands_in(e, lambda n: isinstance(n, Param), self._moving, lambda n: n.children)
+
+
+def _with_turns(node: Node) -> Node:
+    """Returns a condition between angles u and atan2(sin u, cos u) in which u cancels, with u + 2π·⌊(π - u)/(2π)⌋ for the latter; any other
+    node as it is. Both sides are equal on all of an interval, where rounding would decide."""
+    if not isinstance(node, Compare):
+        return node
+    angles = {n: _argument(n) for n in postorder([node.g]) if isinstance(n, Call) and _argument(n) is not None}
+    if not angles:
+        return node
+    steps = {n: call("floor", mul(const(0.5 / math.pi), sub(const(math.pi), cast(Expr, u)))) for n, u in angles.items()}
+
+    def written(turns: Mapping[Call, Expr]) -> Node:
+        new = {n: add(cast(Expr, u), mul(const(2.0 * math.pi), turns[n])) for n, u in angles.items()}
+        return rewrite([node.g], lambda old, n: new.get(cast(Call, old), n))[node.g]
+
+    flat = expanded(cast(Expr, written({n: Param.make(f"turns {i}", ()) for i, n in enumerate(steps)})))
+    return node if flat is None or flat.free else rebuild(node, (written(steps), *node.children[1:]))
+
+
+def _argument(e: Call) -> Expr | None:
+    """Returns u of atan2(sin u, cos u); None for any other function."""
+    v, u = e.children if e.name == "atan2" and not isinstance(e, HalfAngle) else (e, e)
+    waves = isinstance(v, Call) and isinstance(u, Call) and (v.name, u.name) == ("sin", "cos") and v.children == u.children
+    return cast(Expr, u.children[0]) if waves and u.free else None
 
 
 def _angle(e: Call, in_condition: bool) -> Expr:

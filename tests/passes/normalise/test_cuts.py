@@ -365,3 +365,16 @@ def test_an_angle_is_not_less_than_itself(factor: int) -> None:
     conditions = factor * angle < factor * x, factor * x < factor * angle, factor * angle <= factor * x, factor * x <= factor * angle
     values = [teg.evaluate(teg.integral(teg.bracket(c), (x, -1, 2))) for c in conditions]
     assert values == [0.0, 0.0, 3.0, 3.0]
+
+
+@pytest.mark.parametrize("backend", ["numpy", "c"])
+def test_an_angle_compared_with_what_it_is_the_angle_of(backend: str) -> None:
+    """atan2(sin u, cos u) < u holds where u > π: it is no tie where both are equal. The gradient was ½ where it is 0, -½ where it is -1."""
+    u = x - a
+    wrapped = teg.atan2(teg.sin(u), teg.cos(u))
+    f = teg.compile(teg.integral(teg.bracket(wrapped < u) * teg.bracket(2 * wrapped + b < 2 * u + b + 1), (x, 0, 7)), [a], backend=backend)
+    for at in (0.2, 1.7, -3.0):
+        value, gradient = f.value_and_grad(a=at, b=0.3)
+        assert value == pytest.approx(7 - (at + math.pi), rel=1e-14)
+        assert gradient["a"] == -1.0
+    assert f.grad(a=4.0, b=0.3)["a"] == 0.0
