@@ -141,7 +141,7 @@ def integrate(
     when: Scalar,
 ) -> tuple[tuple[Scalar, ...], Note]:
     """The results, and the note; `ends`: the bounds, then breaks; `bends`: base, scale, reach of slow tails, and three coefficients a bend,
-    or nothing; `blocks`: the flags or None, the body, and what they have in common (`in_common`) if there is such."""
+    or nothing; `blocks`: the flags or None, the body, and what they have in common and what that needs (`in_common`) if there are such."""
     (lo, hi), breaks, (flags, body, *common) = (jnp.asarray(v, jnp.float64) for v in ends[:2]), ends[2:], blocks
     bounds = jnp.stack([lo, hi])
     broken = jnp.any(jnp.isnan(bounds) if pieces.infinite else ~jnp.isfinite(bounds))
@@ -159,10 +159,13 @@ def integrate(
     def piece(p: Scalar, q: Scalar, *neighbours: Scalar) -> tuple[Any, Note]:
         active = when & ~broken & rules.is_wide(jnp, p, q)
         need, counts, flagged, note, late = True, (), (), jnp.int32(0), None
+        middle = inside(jnp, p, q, INSIDE, pieces.infinite, scale), p, q
         if common:
-            late = Late(common[0], flags, (inside(jnp, p, q, INSIDE, pieces.infinite, scale), p, q))
+            shared, *early = common
+            known = [v for function in early for v in function(*middle)[0]]
+            late = Late(lambda x: shared(x, *known), flags, middle)
         elif flags is not None:
-            need, counts, flagged, note = flags(inside(jnp, p, q, INSIDE, pieces.infinite, scale), p, q)
+            need, counts, flagged, note = flags(*middle)
         bent = [(kind, *coefficients[3 * i : 3 * i + 3], counts[i]) for i, kind in enumerate(pieces.kinds)]
         of_bends = Bends(base, bent)
         places = substitution(JAX, (p, q), of_bends, pieces.cubic, tail)
