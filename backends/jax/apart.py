@@ -25,7 +25,7 @@ from jaxlib.mlir.dialects import func
 
 from teg.backends.jax.quotients import joined
 
-GAIN = 150
+GAIN = 60
 """Operations that keeping a value must save: a kernel costs XLA about as much time as 40 to 100 of them."""
 ROUNDS = 12
 """How often gains are counted."""
