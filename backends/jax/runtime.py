@@ -34,6 +34,8 @@ TIED, MISSED, CROWDED = 1, 2, 4
 
 MANY = 24
 """Breaks of an integral whose pieces are visited one after the other; those of fewer are computed all at once."""
+WIDE = 4
+"""Numbers that processors compute at once."""
 MIDPOINTS = 1024
 """Points of the midpoint rule at a time."""
 
@@ -193,10 +195,12 @@ def _one_by_one(piece: Callable[..., tuple[Any, Note]], ends: tuple[Any, ...], a
 
     def step(at: tuple[Any, Any, Any]) -> tuple[Any, Any, Any]:
         k, sums, note = at
-        more, noted = piece(*(column[k] for column in columns))
-        return k + 1, sums + more, note | noted
+        going, (p, q, *near) = k < count, (column[k] for column in columns)
+        more, noted = piece(*(jnp.where(going, v, jnp.nan) for v in (p, q)), *near)  # at NaN, loops end at once
+        return jnp.where(going, k + 1, k), sums + jnp.where(going, more, 0.0), note | where(going, noted)
 
-    _, sums, note = while_loop(lambda at: at[0] < count, step, (jnp.int64(0), jnp.zeros(pieces.results), jnp.int32(0)))
+    beginning = jnp.int64(0), jnp.zeros(pieces.results), jnp.int32(0)
+    _, sums, note = while_loop(lambda at: at[0] < count, step, beginning, rests=True)
     return sums, note
 
 
@@ -226,7 +230,8 @@ class OnPiece(NamedTuple):
             found: tuple[Any, Any] = jax.vmap(lambda v: vector(self.body(v, self.flagged)))(_where_active(active, x))
             return found
         middle, *ends = late.at
-        places = _where_active(active, jnp.concatenate([x, middle[None]]))
+        count = x.shape[0]  # the middle stands behind the nodes, so often that loops of LLVM leave nothing over
+        places = _where_active(active, jnp.concatenate([x, jnp.repeat(middle[None], WIDE - count % WIDE)]))
         several: tuple[bool, ...] = ()
 
         def common(v: Any) -> tuple[list[Any], Any]:
@@ -241,8 +246,8 @@ class OnPiece(NamedTuple):
         def body(v: Any, *own: Any) -> tuple[Any, Any]:
             return vector(self.body(v, flagged, entries.of_parts(own, several)))
 
-        values, noted = jax.vmap(body)(places[:-1], *(v[:-1] for v in arrays))
-        return values, noted | notes[:-1] | notes[-1] | jnp.asarray(note, jnp.int32)
+        values, noted = jax.vmap(body)(places[:count], *(v[:count] for v in arrays))
+        return values, noted | notes[:count] | notes[-1] | jnp.asarray(note, jnp.int32)
 
 
 def _where_active(active: Scalar, x: Any) -> Any:
