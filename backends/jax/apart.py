@@ -25,7 +25,7 @@ from jaxlib.mlir.dialects import func
 
 from teg.backends.jax.quotients import joined
 
-GAIN = 60
+GAIN = 80
 """Operations that keeping a value must save: a kernel costs XLA about as much time as 10 to 30 of them, or 50 to 100 without the options of
 `options.py`."""
 ROUNDS = 12
