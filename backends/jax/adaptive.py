@@ -143,20 +143,20 @@ def _piece(how: _How, piece: OnPiece, _: Bends, active: Scalar) -> tuple[Any, No
         above=jnp.zeros((MAX_DEPTH + 1 if guard is not None else 0, pieces.tested)),
         seen=jnp.full((nodes.width * nodes.turns, columns), jnp.nan),
     )
-    end = while_loop(lambda at: at.start < END, partial(_turned, how, piece), beginning)
+    end = while_loop(lambda at: at.start < END, partial(_turned, how, piece), beginning, rests=True)
     overspent = rules.overspent(jnp, how.tolerance, end.spent, end.whole, end.sums[: pieces.tested])
     return end.sums, end.note | where(active & overspent, MISSED)
 
 
 def _turned(how: _How, piece: OnPiece, at: _Progress) -> _Progress:
-    """The next turn."""
+    """The next turn. At the end it changes nothing that is read then: neither `start` nor sums, errors and the note."""
     pieces, nodes, places = how.pieces, how.nodes, piece.places
-    looks, left, width = at.turn < 0, at.start / END, at.width / END
+    going, looks, left, width = at.start < END, at.turn < 0, at.start / END, at.width / END
     x, rate = place(JAX, places, pieces.ways, left + 0.5 * width * (1.0 + _of_turn(nodes, at.turn)))
-    found, notes = piece.at(x, at.start < END)
+    found, notes = piece.at(x, going)
     weighted = found[:, : pieces.values] * (0.5 * width * rate)[:, None]
     seen = jnp.concatenate([at.seen[nodes.width :], jnp.concatenate([weighted, found[:, pieces.values :]], axis=1)])
-    full = looks | (at.turn + 1 == nodes.turns)
+    full = going & (looks | (at.turn + 1 == nodes.turns))
     smooth = places.kind != POWER
     if piece.neighbours:
         first, last = piece.neighbours
@@ -186,7 +186,7 @@ def _turned(how: _How, piece: OnPiece, at: _Progress) -> _Progress:
         whole=jnp.where(full, whole, at.whole),
         spent=jnp.where(done & ~changed, at.spent + measured.error, at.spent),
         sums=jnp.where(done, at.sums + total, at.sums),
-        note=at.note | union(notes[how.ends :]) | where(done & (~good | jnp.any(jnp.isinf(tested))), MISSED),
+        note=at.note | where(going, union(notes[how.ends :])) | where(done & (~good | jnp.any(jnp.isinf(tested))), MISSED),
         above=jnp.where(full, above, at.above),
         seen=seen,
     )

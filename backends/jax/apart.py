@@ -25,8 +25,9 @@ from jaxlib.mlir.dialects import func
 
 from teg.backends.jax.quotients import joined
 
-GAIN = 150
-"""Operations that keeping a value must save: a kernel costs XLA about as much time as 40 to 100 of them."""
+GAIN = 80
+"""Operations that keeping a value must save: a kernel costs XLA about as much time as 10 to 30 of them, or 50 to 100 without the options of
+`options.py`."""
 ROUNDS = 12
 """How often gains are counted."""
 CHEAP = frozenset({

@@ -125,7 +125,8 @@ def _integral(stmt: Integrate, note: str) -> list[str]:
 
 
 def _blocks_of(stmt: Integrate) -> tuple[list[str], list[str]]:
-    """The names of the functions of flags, of the body, and of what both have in common if there is such; and the functions."""
+    """The names of the functions of flags, of the body, and of what both have in common and what that needs, if there are such; and the
+    functions."""
     common = in_common(stmt)
     flags, body, also = (stmt.flags, stmt.body, "") if common is None else (common.flags, common.body, ", common")
     flagged = _names(stmt.flags) if common is None else list(common.flagged)
@@ -140,8 +141,14 @@ def _blocks_of(stmt: Integrate) -> tuple[list[str], list[str]]:
     lines += [*(_taken(common.names_in_body, "common") if common else ()), *_block(body, f"({inside(map(_text, stmt.at_nodes))})")]
     if common is None:
         return names, lines
-    name = f"common_{stmt.var}"
-    return [*names, name], [f"def {name}({stmt.var}):", *_block(common.block, f"({inside(common.names)})"), *lines]
+    names.append(f"common_{stmt.var}")
+    known = f", {inside(common.known)}" if common.known else ""
+    lines = [f"def {names[-1]}({stmt.var}{known}):", *_block(common.block, f"({inside(common.names)})"), *lines]
+    if common.known:
+        names.append(f"early_{stmt.var}")
+        lines += [f"def {names[-1]}({inside((stmt.var, *(stmt.ends or ('_p', '_q'))))}):"]
+        lines += _block(common.early, f"({inside(common.known)})")
+    return names, lines
 
 
 def _taken(names: Sequence[str], entries: str) -> list[str]:

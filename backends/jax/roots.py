@@ -38,6 +38,8 @@ ROW = 32
 """Rectangles that are examined together: all that a search carries is copied at every step."""
 
 
+NONE = ISOLATE_DEPTH + 1
+"""The number of no level."""
 LEFT_END, RIGHT_END, MIDDLE, TURNING, TURNED = range(5)
 """What a turn of a search looks at."""
 
@@ -132,25 +134,22 @@ def _search(active: Scalar, p: Scalar, q: Scalar, enclosure: Block, point: Block
     """
 
     def step(at: _Search) -> _Search:
-        m, turned = 0.5 * (at.p + at.q), at.phase == TURNED
+        m, turned, going = 0.5 * (at.p + at.q), at.phase == TURNED, at.start < END
         v = jnp.where(at.phase == MIDDLE, m, jnp.where(at.phase >= TURNING, at.newton.v, jnp.where(at.phase == LEFT_END, at.p, at.q)))
         bounds, note_box = vector(enclosure(jnp.where(turned, v, at.p), jnp.where(turned, v, at.q)))
         values, note = vector(point(v))
         turning, box = _judged(at, m, v, bounds, values)
-        advanced = _advanced(at, m, values, box, room)
+        advances = going & (((at.phase == MIDDLE) & ~turning) | turned)
+        moved = _advanced(at, m, values, box, advances, room)
         done, newton = _turning(at, values)
         phase = jnp.where(at.phase == TURNING, jnp.where(done, TURNED, TURNING), jnp.where(turning, TURNING, MIDDLE))
-        at = at._replace(note=at.note | note_box | note)
-        advances = ((at.phase == MIDDLE) & ~turning) | turned
-        new = [jnp.where(advances, a, b) for a, b in zip(jax.tree.leaves(advanced), jax.tree.leaves(at), strict=True)]
         sign = _sign(values[:2])
-        moved: _Search = jax.tree.unflatten(jax.tree.structure(at), new)
         return moved._replace(
             phase=jnp.where(at.phase == LEFT_END, RIGHT_END, phase).astype(jnp.int8),
             signs_p=jnp.where(at.phase == LEFT_END, sign, moved.signs_p),
             signs_q=jnp.where(at.phase == RIGHT_END, sign, moved.signs_q),
             newton=newton,
-            note=at.note,
+            note=at.note | where(going, note_box | note),
         )
 
     kinds = (jnp.float64, jnp.float64, jnp.int8, jnp.bool_, jnp.int8, jnp.float64)
@@ -174,7 +173,7 @@ def _search(active: Scalar, p: Scalar, q: Scalar, enclosure: Block, point: Block
         places=_Places(*(jnp.zeros(room[0], kind) for kind in kinds)),
         note=jnp.int32(0),
     )
-    return while_loop(lambda at: at.start < END, step, beginning)
+    return while_loop(lambda at: at.start < END, step, beginning, rests=True)
 
 
 def _turning(at: _Search, values: Any) -> tuple[Scalar, _Newton]:
@@ -215,42 +214,45 @@ def _judged(at: _Search, m: Scalar, v: Scalar, bounds: Any, values: Any) -> tupl
     return turning, _Verdict(middle & left, whole, undecided, middle & (monotone | bent) & changes, touch, two, v, error)
 
 
-def _advanced(at: _Search, m: Scalar, values: Any, box: _Verdict, room: tuple[int, int]) -> _Search:
-    """The search behind a box: at its left half, or at the next box that waits."""
+def _advanced(at: _Search, m: Scalar, values: Any, box: _Verdict, advances: Scalar, room: tuple[int, int]) -> _Search:
+    """The search behind a box, if it `advances`: at its left half, or at the next box that waits. Entries of arrays are chosen by their
+    numbers, of which none is NONE: a select by a condition for the whole array would be compiled as two loops."""
     levels = jnp.arange(ISOLATE_DEPTH + 1, dtype=jnp.int8)
-    at = _listed(at, box, room[0])
+    at = _listed(at, box, advances, room[0])
     halve = box.left & ~box.undecided
     # a box that cannot be halved stays whole on the levels below
-    seen = (levels == at.level) | (box.left & box.whole & (levels >= at.level))
-    count = at.count + seen.astype(at.count.dtype)
+    lowest = jnp.where(box.left & box.whole, jnp.int8(ISOLATE_DEPTH), at.level)
+    count = at.count + ((levels >= jnp.where(advances, at.level, NONE)) & (levels <= lowest)).astype(at.count.dtype)
     hopeless = jnp.any(count > room[1]) | (at.found > room[0])
-    below = halve & (levels == at.level + 1)
+    below = levels == jnp.where(advances & halve, at.level + 1, NONE)
     start = jnp.where(halve, at.start, at.start + (jnp.int64(END) >> at.level.astype(jnp.int64)))
     start = jnp.where(hopeless, END, start)
     level = jnp.where(halve, at.level + 1, (ISOLATE_DEPTH - lax.population_count((start & -start) - 1)).astype(jnp.int8))
     waiting = levels == level
+    q = jnp.where(halve, m, jnp.sum(jnp.where(waiting, at.ends, 0.0)))
+    signs_q = jnp.where(halve, _sign(values[:2]), jnp.sum(jnp.where(waiting, at.sign_ends, 0), axis=1, dtype=jnp.int8))
     return at._replace(
-        start=start,
-        level=level,
-        p=jnp.where(halve, at.p, at.q),
-        q=jnp.where(halve, m, jnp.sum(jnp.where(waiting, at.ends, 0.0))),
-        signs_p=jnp.where(halve, at.signs_p, at.signs_q),
-        signs_q=jnp.where(halve, _sign(values[:2]), jnp.sum(jnp.where(waiting, at.sign_ends, 0), axis=1, dtype=jnp.int8)),
+        start=jnp.where(advances, start, at.start),
+        level=jnp.where(advances, level, at.level),
+        p=jnp.where(advances & ~halve, at.q, at.p),
+        q=jnp.where(advances, q, at.q),
+        signs_p=jnp.where(advances & ~halve, at.signs_q, at.signs_p),
+        signs_q=jnp.where(advances, signs_q, at.signs_q),
         ends=jnp.where(below, at.q, at.ends),
         sign_ends=jnp.where(below, at.signs_q[:, None], at.sign_ends),
         count=count,
     )
 
 
-def _listed(at: _Search, box: _Verdict, room: int) -> _Search:
-    """The search with what was found in a box in its places."""
-    numbers, undecided = jnp.arange(room), box.undecided
+def _listed(at: _Search, box: _Verdict, advances: Scalar, room: int) -> _Search:
+    """The search with what was found in a box in its places, if it `advances`."""
+    numbers, undecided = jnp.arange(room), advances & box.undecided
     joins = at.last == at.p
     first, sign_first = jnp.where(joins, at.first, at.p), jnp.where(joins, at.sign_first, at.signs_p[0])
     times = (2 - (sign_first * at.signs_q[0] + 2) % 3).astype(jnp.int8)  # 1, 0, 2 for -1, 0, 1
     empty = (at.found > 0) & jnp.any((numbers == jnp.minimum(at.found, room) - 1) & (at.places.times == 0))
     place = at.found - (empty | (undecided & joins))
-    found = undecided | box.crossing | box.touch | box.two
+    found = advances & (box.undecided | box.crossing | box.touch | box.two)
     new = _Places(
         jnp.where(undecided, first, jnp.where(box.touch, box.v, at.p)),
         jnp.where(box.touch | box.two, box.v, at.q),
@@ -260,7 +262,7 @@ def _listed(at: _Search, box: _Verdict, room: int) -> _Search:
         jnp.where(undecided, 0.5 * (at.q - first), jnp.where(box.touch, box.error, 0.0)),
     )
     second = _Places(box.v, at.q, jnp.int8(1), jnp.bool_(True), at.signs_q[0], jnp.float64(0.0))
-    here, after = (numbers == place) & found, (numbers == place + 1) & box.two
+    here, after = numbers == jnp.where(found, place, room), numbers == jnp.where(found & box.two, place + 1, room)
     places = [jnp.where(after, b, jnp.where(here, a, old)) for a, b, old in zip(new, second, at.places, strict=True)]
     return at._replace(
         first=jnp.where(undecided, first, at.first),
@@ -302,14 +304,16 @@ class _Newton(NamedTuple):
 def _crossing(point: Block, active: Scalar, p: Scalar, q: Scalar, sign_q: Scalar) -> tuple[Scalar, Scalar]:
     """The zero of g in a box, by Newton's method, and the note."""
 
+    def goes_on(carried: tuple[_Newton, Any]) -> Any:
+        return ~carried[0].done & (carried[0].steps < ISOLATE_STEPS)
+
     def step(carried: tuple[_Newton, Any]) -> tuple[_Newton, Any]:
         at, noted = carried
         values, note = vector(point(at.v))
-        return at.stepped(values[0], values[1], sign_q > 0), noted | note
+        going, new = goes_on(carried), at.stepped(values[0], values[1], sign_q > 0)
+        return new._replace(v=jnp.where(going, new.v, at.v), done=at.done | new.done), noted | where(going, note)
 
-    end, note = while_loop(
-        lambda carried: ~carried[0].done & (carried[0].steps < ISOLATE_STEPS), step, (_Newton.between(p, q, ~active), jnp.int32(0))
-    )
+    end, note = while_loop(goes_on, step, (_Newton.between(p, q, ~active), jnp.int32(0)), rests=True)
     return end.v, note
 
 
@@ -428,7 +432,7 @@ def _levels(active: Scalar, origin: Any, extent: Any, bounds: Callable[[Any, Any
         zeros=jnp.full((LOCATE_ZEROS + ROW, 2), jnp.inf),
         note=jnp.int32(0),
     )
-    return while_loop(lambda at: at.number > 0, step, beginning)
+    return while_loop(lambda at: at.number > 0, step, beginning, rests=True)  # nothing more is left, and what is not is not read
 
 
 def _settled(zeros: Any, found: Scalar, bounds: Callable[[Any, Any], tuple[Any, Note]]) -> tuple[Any, Note]:
@@ -447,7 +451,7 @@ def _settled(zeros: Any, found: Scalar, bounds: Callable[[Any, Any], tuple[Any, 
         near, note = lax.fori_loop(0, LOCATE_STEPS, step, (near, note))
         return row + ROW, lax.dynamic_update_slice(placed, jnp.where(there, near[:, 0], jnp.inf), (row,)), note
 
-    _, placed, note = while_loop(lambda at: at[0] < found, block, (jnp.int32(0), zeros[:, 0], jnp.int32(0)))
+    _, placed, note = while_loop(lambda at: at[0] < found, block, (jnp.int32(0), zeros[:, 0], jnp.int32(0)), rests=True)
     return placed, note
 
 

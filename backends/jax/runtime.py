@@ -34,6 +34,8 @@ TIED, MISSED, CROWDED = 1, 2, 4
 
 MANY = 24
 """Breaks of an integral whose pieces are visited one after the other; those of fewer are computed all at once."""
+WIDE = 4
+"""Numbers that processors compute at once."""
 MIDPOINTS = 1024
 """Points of the midpoint rule at a time."""
 
@@ -141,7 +143,7 @@ def integrate(
     when: Scalar,
 ) -> tuple[tuple[Scalar, ...], Note]:
     """The results, and the note; `ends`: the bounds, then breaks; `bends`: base, scale, reach of slow tails, and three coefficients a bend,
-    or nothing; `blocks`: the flags or None, the body, and what they have in common (`in_common`) if there is such."""
+    or nothing; `blocks`: the flags or None, the body, and what they have in common and what that needs (`in_common`) if there are such."""
     (lo, hi), breaks, (flags, body, *common) = (jnp.asarray(v, jnp.float64) for v in ends[:2]), ends[2:], blocks
     bounds = jnp.stack([lo, hi])
     broken = jnp.any(jnp.isnan(bounds) if pieces.infinite else ~jnp.isfinite(bounds))
@@ -159,10 +161,13 @@ def integrate(
     def piece(p: Scalar, q: Scalar, *neighbours: Scalar) -> tuple[Any, Note]:
         active = when & ~broken & rules.is_wide(jnp, p, q)
         need, counts, flagged, note, late = True, (), (), jnp.int32(0), None
+        middle = inside(jnp, p, q, INSIDE, pieces.infinite, scale), p, q
         if common:
-            late = Late(common[0], flags, (inside(jnp, p, q, INSIDE, pieces.infinite, scale), p, q))
+            shared, *early = common
+            known = [v for function in early for v in function(*middle)[0]]
+            late = Late(lambda x: shared(x, *known), flags, middle)
         elif flags is not None:
-            need, counts, flagged, note = flags(inside(jnp, p, q, INSIDE, pieces.infinite, scale), p, q)
+            need, counts, flagged, note = flags(*middle)
         bent = [(kind, *coefficients[3 * i : 3 * i + 3], counts[i]) for i, kind in enumerate(pieces.kinds)]
         of_bends = Bends(base, bent)
         places = substitution(JAX, (p, q), of_bends, pieces.cubic, tail)
@@ -190,10 +195,12 @@ def _one_by_one(piece: Callable[..., tuple[Any, Note]], ends: tuple[Any, ...], a
 
     def step(at: tuple[Any, Any, Any]) -> tuple[Any, Any, Any]:
         k, sums, note = at
-        more, noted = piece(*(column[k] for column in columns))
-        return k + 1, sums + more, note | noted
+        going, (p, q, *near) = k < count, (column[k] for column in columns)
+        more, noted = piece(*(jnp.where(going, v, jnp.nan) for v in (p, q)), *near)  # at NaN, loops end at once
+        return jnp.where(going, k + 1, k), sums + jnp.where(going, more, 0.0), note | where(going, noted)
 
-    _, sums, note = while_loop(lambda at: at[0] < count, step, (jnp.int64(0), jnp.zeros(pieces.results), jnp.int32(0)))
+    beginning = jnp.int64(0), jnp.zeros(pieces.results), jnp.int32(0)
+    _, sums, note = while_loop(lambda at: at[0] < count, step, beginning, rests=True)
     return sums, note
 
 
@@ -223,7 +230,8 @@ class OnPiece(NamedTuple):
             found: tuple[Any, Any] = jax.vmap(lambda v: vector(self.body(v, self.flagged)))(_where_active(active, x))
             return found
         middle, *ends = late.at
-        places = _where_active(active, jnp.concatenate([x, middle[None]]))
+        count = x.shape[0]  # the middle stands behind the nodes, so often that loops of LLVM leave nothing over
+        places = _where_active(active, jnp.concatenate([x, jnp.repeat(middle[None], WIDE - count % WIDE)]))
         several: tuple[bool, ...] = ()
 
         def common(v: Any) -> tuple[list[Any], Any]:
@@ -238,8 +246,8 @@ class OnPiece(NamedTuple):
         def body(v: Any, *own: Any) -> tuple[Any, Any]:
             return vector(self.body(v, flagged, entries.of_parts(own, several)))
 
-        values, noted = jax.vmap(body)(places[:-1], *(v[:-1] for v in arrays))
-        return values, noted | notes[:-1] | notes[-1] | jnp.asarray(note, jnp.int32)
+        values, noted = jax.vmap(body)(places[:count], *(v[:count] for v in arrays))
+        return values, noted | notes[:count] | notes[-1] | jnp.asarray(note, jnp.int32)
 
 
 def _where_active(active: Scalar, x: Any) -> Any:

@@ -2,7 +2,11 @@
 
 JAX's own rule asks first which carried values depend on the mapped axis, and traces the body again until the answer stays the same; loops
 in loops multiply that. Loops of printed programs end at different times for different elements, so that everything they carry depends on
-the axis. What XLA is given is the same. This module imports JAX.
+the axis.
+
+Elements of a batch that are at their end stay as they are while others go on: each carried value is selected, which is a kernel that grows
+with every predicate. A loop says that it `rests` if its turn changes nothing at its end that is read afterwards; then nothing is selected.
+A loop of a batch rests, whatever that of an element does, so a second map selects nothing. This module imports JAX.
 """
 
 from __future__ import annotations
@@ -20,8 +24,11 @@ from jax.interpreters import ad, batching, mlir
 Carried = TypeVar("Carried")
 
 
-def while_loop(goes_on: Callable[[Carried], Any], turn: Callable[[Carried], Carried], beginning: Carried) -> Carried:
-    """Returns what is carried (a pytree, `beginning` at first) after turns of a loop that are made while it `goes_on`."""
+def while_loop(
+    goes_on: Callable[[Carried], Any], turn: Callable[[Carried], Carried], beginning: Carried, *, rests: bool = False
+) -> Carried:
+    """Returns what is carried (a pytree, `beginning` at first) after turns of a loop that are made while it `goes_on`; it `rests` if more
+    turns after that would change neither whether it goes on nor what is read of the result."""
     structure: Any
     leaves, structure = jax.tree.flatten(beginning)
     first = _alike(leaves, leaves)
@@ -29,7 +36,9 @@ def while_loop(goes_on: Callable[[Carried], Any], turn: Callable[[Carried], Carr
     turns = jax.make_jaxpr(lambda *carried: _alike(jax.tree.leaves(turn(structure.unflatten(carried))), first))(*first)
     constants = len(conditions.consts), len(turns.consts)
     operands = [*conditions.consts, *turns.consts, *first]
-    last: Carried = structure.unflatten(while_p.bind(*operands, goes_on=_open(conditions), turn=_open(turns), constants=constants))
+    last: Carried = structure.unflatten(
+        while_p.bind(*operands, goes_on=_open(conditions), turn=_open(turns), constants=constants, rests=rests)
+    )
     return last
 
 
@@ -55,7 +64,7 @@ def _parts(operands: Sequence[Any], constants: Constants) -> tuple[list[Any], li
     return list(operands[: constants[0]]), list(operands[constants[0] : both]), list(operands[both:])
 
 
-def _plain(*operands: Any, goes_on: Any, turn: Any, constants: Constants) -> list[Any]:
+def _plain(*operands: Any, goes_on: Any, turn: Any, constants: Constants, rests: bool) -> list[Any]:
     """The loop as JAX's own primitive."""
     own, others = constants
     plain: Any = primitives.while_p
@@ -63,11 +72,13 @@ def _plain(*operands: Any, goes_on: Any, turn: Any, constants: Constants) -> lis
     return found
 
 
-def _abstract(*operands: Any, goes_on: Any, turn: Any, constants: Constants) -> list[Any]:
+def _abstract(*operands: Any, goes_on: Any, turn: Any, constants: Constants, rests: bool) -> list[Any]:
     return list(operands[sum(constants) :])
 
 
-def _mapped(operands: Sequence[Any], axes: Sequence[Any], *, goes_on: Any, turn: Any, constants: Constants) -> tuple[list[Any], list[int]]:
+def _mapped(
+    operands: Sequence[Any], axes: Sequence[Any], *, goes_on: Any, turn: Any, constants: Constants, rests: bool
+) -> tuple[list[Any], list[int]]:
     """The loop of a batch goes on while one of its elements does; those that are at their end stay as they are."""
     size = next(v.shape[k] for v, k in zip(operands, axes, strict=True) if k is not None)
     moved = [v if k is None else jnp.moveaxis(v, k, 0) for v, k in zip(operands, axes, strict=True)]
@@ -81,15 +92,19 @@ def _mapped(operands: Sequence[Any], axes: Sequence[Any], *, goes_on: Any, turn:
 
     def turned(*values: Any) -> list[Any]:
         own, others, carried = _parts(values, constants)
-        going = conditions(*own, *carried)
         found = turns(*others, *carried)
+        if rests:
+            return list(found)
+        going = conditions(*own, *carried)
         which = [lax.broadcast_in_dim(going, old.shape, (0,)) for old in carried]
         return [lax.select(*three) for three in zip(which, found, carried, strict=True)]
 
     batch_goes_on = jax.make_jaxpr(lambda *v: [jnp.any(conditions(*v))])(*of_condition, *first)
     batch_turn = jax.make_jaxpr(turned)(*of_condition, *of_turn, *first)
     parts = (len(of_condition), len(of_condition) + len(of_turn))
-    found = while_p.bind(*of_condition, *of_condition, *of_turn, *first, goes_on=batch_goes_on, turn=batch_turn, constants=parts)
+    found = while_p.bind(
+        *of_condition, *of_condition, *of_turn, *first, goes_on=batch_goes_on, turn=batch_turn, constants=parts, rests=True
+    )
     return found, [0] * len(found)
 
 

@@ -76,6 +76,36 @@ def test_values_of_flags_that_the_body_reads_are_those_in_the_middle() -> None:
     np.testing.assert_allclose(compile_jax(p)(at, 2), compile_numpy(p)(at, 2), rtol=1e-13)
 
 
+def with_a_flag_in_the_search() -> Integrate:
+    """The same, where both searches are those of p0·x9 or, where the flag b7 of the middle holds, of 2·p0·x9."""
+    chosen = let("v7", "select", "b7", 2.0, 1.0), let("v8", "mul", "v7", "p0")
+    whole = integral((let("v6", "sub", "x9", 1.0), let("b7", "gt0", "v6"), *chosen, *flags("f", factor="v8")))
+    return replace(whole, body=(*chosen_again(chosen), *(renamed(s, {"p0": "v8b"}) for s in whole.body)))
+
+
+def chosen_again(block: tuple[Stmt, ...]) -> tuple[Stmt, ...]:
+    return tuple(renamed(s, {"v7": "v7b", "v8": "v8b"}) for s in block)
+
+
+@pytest.mark.usefixtures("x64")
+def test_a_search_may_need_flags_that_need_no_search() -> None:
+    whole = with_a_flag_in_the_search()
+    common = in_common(whole)
+    assert common is not None
+    assert common.known == ("b7",)
+    assert [assigned(s) for s in common.early] == [("v6",), ("b7",)]
+    p = program(1, (whole,), "v3")
+    assert searches(p) == 1
+    at = [np.array([0.3, 0.45, 0.8])]
+    np.testing.assert_allclose(compile_jax(p)(at, 3), compile_numpy(p)(at, 3), rtol=1e-13)
+
+
+def test_a_search_that_needs_flags_of_another_search_stands_twice() -> None:
+    whole = with_a_flag_in_the_search()
+    late = (let("v6", "sub", "vrg", 1.0), *whole.flags[1:])
+    assert in_common(replace(whole, flags=(*search("g"), *late))) is None
+
+
 @pytest.mark.parametrize(
     "whole",
     [
