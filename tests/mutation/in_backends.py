@@ -216,4 +216,16 @@ IN_BACKENDS: tuple[Mutant, ...] = (
         ("where a statement is run", "frozenset({(when, True)} if when", "frozenset({(when, False)} if when"),
         ("what a statement is where it is not run", "stmt.when != condition or any(absent(stmt).values())", "stmt.when != condition"),
     ),
+    *mutants(
+        "backends/numpy/gaps.py",
+        ("tests/backends/test_gaps.py",),
+        ("a touch at the begin of a line", "np.where(before < 0, behind, before)", "before"),
+        ("intervals inside of others", "np.maximum(reached[at], q[at])", "q[at]"),
+    ),
+    *mutants(
+        "backends/c/runtime/gaps.h",
+        ("tests/backends/test_gaps.py",),
+        ("intervals inside of others, in C", "end = fmax(end, q);", "end = q;"),
+        ("borders that nearly touch, in C", "g->doubtful += ties[n + 1] > 0.0;", ""),
+    ),
 )

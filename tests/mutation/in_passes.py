@@ -579,4 +579,11 @@ IN_PASSES: tuple[Mutant, ...] = (
         ("tests/backends/test_polyhedron.py",),
         ("corners that stay", 'off.append(errors.op(out, "mul", CLIP_EPS, errors.sum_of(terms, out)))', "pass"),
     ),
+    *mutants(
+        "teg/passes/differentiate/edges.py",
+        ("tests/passes/differentiate/test_edges.py",),
+        ("edges from opposite sides", "disjunction(negation(same), less(distance, ZERO, True))", "less(distance, ZERO, True)"),
+        ("the first of equal edges", "less(distance, ZERO, True))\n        return", "FALSE)\n        return"),
+        ("a line beyond the box", "BEYOND = 0.0291", "BEYOND = 0.0"),
+    ),
 )

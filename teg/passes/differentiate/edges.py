@@ -2,12 +2,15 @@
 
     m(x, y) = [no candidate covers (x, y)],     ∂m/∂x = -Σ_k m_k·∂[c_k]/∂x,     m_k = [no other candidate covers]
 
-    ∫∫ A·m dx dy        =  ∫ F(h, y)·m(h, y) dy + Σ_k ∫∫ F·m_k·∂[c_k]/∂x dx dy      ∂F/∂x = A, F = 0 at the lower bound; h the upper one
+    ∫∫ A·m dx dy        =  ∫ F(h, y)·m(h, y) dy + Σ_k ∫∫ F·m_k·∂[c_k]/∂x dx dy      ∂F/∂x = A, F = 0 at the lower bound
     ∂/∂t of ∫∫ A·m      =  ∫∫ ∂A/∂t·m - Σ_k ∫∫ A·m_k·∂[c_k]/∂t
     ∫ A(s)·m(s) ds      =  Σ over the gaps between covered intervals of ∫ A ds                                         `Gaps`
 
 ∂[c_k] holds δ, so what is left are integrals along edges, in one variable s, in which candidates cover intervals. The passes eliminate δ
 without knowing what m is: a function of the coordinates without a body (`Slot`), in whose place the gaps come afterwards.
+
+Beyond the upper bound A is 0, and h is a little beyond it: a disk that touches a side of the box hides a part of the line there whose length
+is the root of a rounding.
 
 Ties. Where the border of another candidate runs along an edge, candidates count as blown up a little, those of lower index more: of
 equal edges the first one is seen, edges from opposite sides hide each other.
@@ -45,6 +48,8 @@ from teg.ir.uncovered import Gaps, Uncovered
 Derive = Callable[[Expr, Sequence[Param]], Sequence[Expr]]
 """The derivatives of a scalar expression by parameters, without δ."""
 SHIFT = Param.make(f"{APART}shift", ())
+BEYOND = 0.0291
+"""How far beyond a side of the box the line is that ends it, as a part of the length of the box: borders touch it by chance only."""
 MOST_PLACES = 8
 """The largest number of places where the border of one candidate may cross an edge of another one."""
 LEFT, RIGHT = Param.make(f"{APART}left", ()), Param.make(f"{APART}right", ())
@@ -75,15 +80,18 @@ def _value(node: Uncovered, derive: Derive) -> Expr:
     if len(node.variables) == 1:
         raise Refused("there is one variable of integration")
     (y, x), ((low, high), (lo, hi)) = node.variables, node.bounds
+    length = sub(hi, lo)
+    far = add(hi, mul(const(BEYOND), length))
     u = fresh(x.name, [x, y, *node.body.free])
     inner = Integral.make(u, (cast(Expr, substitute(node.body, {x: u})), lo, x))
     known = integrated(inner)
     reached = inner if known is None else known
-    seen = _seen(_before(node, x, hi, sub(hi, lo)), (y,))
-    line = integral_over(mul(cast(Expr, substitute(reached, {x: hi})), seen), y, low, high)
+    whole = cast(Expr, substitute(reached, {x: hi}))
+    beyond = Uncovered.make(node.data, (*node.children[:-2], hi, far))
+    line = integral_over(mul(whole, _seen(_before(node, x, far, length), (y,))), y, low, high)
     terms = [_along_lines(mul(SHIFT, line), derive)]
-    for edge in edges_of(node, reached, moved=SHIFT):
-        terms.append(sum_over(_along_lines(edge, derive), node.index, node.lo, node.hi))
+    for inside, outside in zip(edges_of(node, reached, SHIFT), edges_of(beyond, whole, SHIFT), strict=True):
+        terms.append(sum_over(_along_lines(add(inside, outside), derive), node.index, node.lo, node.hi))
     return add(*terms)
 
 
