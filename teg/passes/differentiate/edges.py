@@ -9,8 +9,8 @@
 ∂[c_k] holds δ, so what is left are integrals along edges, in one variable s, in which candidates cover intervals. The passes eliminate δ
 without knowing what m is: a function of the coordinates without a body (`Slot`), in whose place the gaps come afterwards.
 
-Beyond the upper bound A is 0, and h is a little beyond it: a disk that touches a side of the box hides a part of the line there whose length
-is the root of a rounding.
+Beyond the upper bound A is 0, and h is a little beyond it: a disk that touches a side of the box hides a part of the line there whose
+length is the root of a rounding.
 
 Ties. Where the border of another candidate runs along an edge, candidates count as blown up a little, those of lower index more: of
 equal edges the first one is seen, edges from opposite sides hide each other.
