@@ -34,7 +34,7 @@ from teg.analysis.tails import is_unbounded
 from teg.errors import NotDifferentiableError
 from teg.ir.arrays import sum_over
 from teg.ir.cells import APART, Symbols, replace_integers, replaced
-from teg.ir.expr import FALSE, MINUS_ONE, ONE, TRUE, ZERO, Compare, Cond, Const, Expr, Param, Var, const
+from teg.ir.expr import FALSE, MINUS_ONE, ONE, TRUE, ZERO, Compare, Cond, Const, Expr, Param, Var, Where, const
 from teg.ir.function import Apply, Slot
 from teg.ir.index import Index, IndexVar
 from teg.ir.integral import Integral, PointMasses, integral_over
@@ -222,6 +222,8 @@ def with_gaps(e: Expr, derive: Derive) -> Expr:
         return e
 
     def replacement(node: Node) -> Node | None:
+        if isinstance(node, Where) and not node.free and _marked(node):
+            return _of_branches(node, derive)
         if isinstance(node, Integral) and _marked(node):
             inner = [n for n in postorder([node.body]) if isinstance(n, Integral) and _marked(n)]
             return _of_nest(node, inner, derive) if inner else _of_integral(node)
@@ -230,6 +232,22 @@ def with_gaps(e: Expr, derive: Derive) -> Expr:
         return None
 
     return cast(Expr, rewrite_below([e], replacement)[e])
+
+
+def _of_branches(node: Where, derive: Derive) -> Expr:
+    """Returns a choice between charts, no number where the one that is taken cannot be followed: that of an ellipse which is a strip, or a
+    million times as large as the box."""
+    refused: list[Refused] = []
+    branches: list[Expr] = []
+    for branch in (node.then, node.otherwise):
+        try:
+            branches.append(with_gaps(branch, derive))
+        except Refused as reason:
+            refused.append(reason)
+            branches.append(const(math.nan))
+    if len(refused) == 2:
+        raise refused[0]
+    return where(node.condition, *branches)
 
 
 def _of_integral(node: Integral) -> Expr:

@@ -14,14 +14,14 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import cast
 
-from teg.analysis.isolation import isolate
+from teg.analysis.isolation import Isolation, isolate
 from teg.analysis.roots import solve
 from teg.analysis.settings import Integration
 from teg.analysis.surfaces import atoms_of
-from teg.ir.expr import TRUE, Compare, Expr, Param, Var
+from teg.ir.expr import TRUE, And, Compare, Cond, Expr, Param, Var
 from teg.ir.node import Node
 from teg.ir.show import show
-from teg.ir.simplify import positive
+from teg.ir.simplify import conjunction, nonzero_part, positive
 from teg.ir.traverse import rewrite
 from teg.passes.lower.emit import NAN, Emitter
 from teg.passes.lower.levels import Level
@@ -47,8 +47,9 @@ def schedule_places(covered: Expr, tie: Expr, place: Var, parameters: Sequence[s
     first, last = (out.number(end, top) for end in ends)
     found: list[Arg] = []
     functions = list(dict.fromkeys(atom.g for atom in atoms_of(covered, place)))
+    when = _applies(covered, place, out, top)
     for g in functions:
-        found += _roots_of(g, place, ends, roots, top)
+        found += _roots_of(g, place, ends, roots, top) or roots.isolated(_isolation(g, place, roots), *ends, top, when)
     is_known = [out.assign(top, "ok", p) for p in found]
     places = _ascending(out, top, [_inside(out, top, p, first, last) for p in found])
     decided = _deciding_ties(covered, place)
@@ -83,13 +84,26 @@ def _is_nearly_tied(out: Emitter, g: Expr, level: Level) -> Arg:
 
 
 def _roots_of(g: Expr, place: Var, ends: tuple[Param, Param], roots: Roots, top: Level) -> list[Arg]:
-    """Returns the roots of a function, by formulas if there are any."""
+    """Returns the roots of a function by formulas; none if there are no formulas."""
     formulas = solve(g, place, *ends)
     if formulas is not None and formulas.certain:
         return [roots.point(root, top) for root in formulas.found]
-    isolation = isolate(g, place, roots.max_roots)
-    assert isolation is not None, "whoever makes gaps has seen to it"
-    return list(roots.isolated(isolation, *ends, top, None))
+    return []
+
+
+def _isolation(g: Expr, place: Var, roots: Roots) -> Isolation:
+    found = isolate(g, place, roots.max_roots)
+    assert found is not None, "whoever makes gaps has seen to it"
+    return found
+
+
+def _applies(covered: Expr, place: Var, out: Emitter, top: Level) -> str | None:
+    """Returns a condition without which no place is covered: along its own edge a candidate is 0."""
+    condition, _ = nonzero_part(covered)
+    parts = condition.children if isinstance(condition, And) else (condition,)
+    outside = conjunction(*(c for c in cast("Sequence[Cond]", parts) if place not in c.free))
+    holds = out.truths(outside, top)[0]
+    return holds if isinstance(holds, str) else None
 
 
 def _inside(out: Emitter, top: Level, p: Arg, first: Arg, last: Arg) -> Arg:

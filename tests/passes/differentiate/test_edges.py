@@ -86,6 +86,7 @@ MIDDLES = np.array([[0.35, 0.4, 0.25], [0.6, 0.55, 0.3]])
 SHAPES: dict[str, tuple[Callable[..., teg.Cond], Callable[[teg.Cond], Any]]] = {
     "half disks": (lambda r: in_disk(r) & (x + y * r(0) < r(1) + r(0)), teg.bracket),
     "ellipses": (lambda r: (x - r(0)) ** 2 + 3 * (y - r(1)) ** 2 + (x - r(0)) * (y - r(1)) < r(2) ** 2, teg.bracket),
+    "ellipses by their axes": (lambda r: ((x - r(0)) / r(2)) ** 2 + ((y - r(1)) / (r(0) - 0.2)) ** 2 < 1, teg.bracket),
     "moved by a parameter": (lambda r: (x - r(0) - t) ** 2 + (y - r(1) * t) ** 2 < r(2) ** 2, teg.bracket),
     "outside": (lambda r: ~in_disk(r), teg.bracket),
     "of no disk": (in_disk, lambda c: teg.bracket(~c) * y),
