@@ -195,7 +195,10 @@ class Pieces:
         if is_unbounded(node) or all(self.rules.is_exact(i, home.depth) for i in group):
             return ()
         places: list[Arg] = []
+        inner = self.out.binders([i.body for i in group])
         for search in dict.fromkeys(s for i in group for s in self.centres.searched(i)):
+            if (search.apart.free | search.width.free | search.narrow.free) & inner:
+                continue
             rate = _slope_of(search.apart, node.var)
             if rate is None:
                 continue
@@ -215,7 +218,7 @@ class Pieces:
         isolation = isolate(search.apart, node.var)
         if isolation is None:
             return ()
-        narrow = self.out.truths(search.narrow, home)[0]
+        narrow = self.out.truths(TRUE if node.var in search.narrow.free else search.narrow, home)[0]
         if isinstance(narrow, str):
             when = narrow if when is None else self.out.assign(home, "and", when, narrow)
         return () if narrow is False else self.roots.breaks_in(node, (node.lo, node.hi), isolation, home, when, soft=True)
