@@ -17,6 +17,7 @@ from teg.examples.soft_shadow import run as shadow
 from tests.bench.rows import Row, empty_cache
 from tests.bench.scenes import cut_cells
 from tests.examples.clipped_scenes import clipped_pixel, clipped_share, over_lens, over_time
+from tests.references.disks import slopes_of_union
 
 SAMPLE = 12
 
@@ -28,6 +29,7 @@ def many_rows() -> list[Row]:
         mesh = occlusion.Scene(512, 10_000, "c")
         rows = [mesh_row(mesh), mesh_row(occlusion.Scene(1024, 100_000, "c"), mesh.evaluator)]
         rows += [shadow_row(64, 1000), transport_row(1000), cells_row(32)]
+        rows += [union_row(300), disks_row(64, 60)]
         return [*rows, blur_row("motion-blur", 64), blur_row("depth-of-field", 32)]
 
 
@@ -110,6 +112,40 @@ def cells_row(size: int) -> Row:
     exact = float(np.linalg.det(corners[1:] - corners[0])) / 6
     evaluator, sums = (teg.compile(*cut_cells(power), backend="c") for power in (2, 1))
     return row(f"tetrahedron in {size}³ cells", size**3, evaluator, given, lambda: abs(float(sums(given)) / exact - 1))
+
+
+def union_row(disks: int) -> Row:
+    """The area of a union of disks, each with each; the error is that of its derivatives, beside arcs."""
+    D, k = teg.array("D", 2), teg.index("k")
+    x, y = teg.vars("x y")
+    inside = (x - D[k, 0]) ** 2 + (y - D[k, 1]) ** 2 < D[k, 2] ** 2
+    area = teg.integral(teg.bracket(teg.any(inside, (k, 0, teg.length(D, 0)))), (x, 0, 1), (y, 0, 1))
+    evaluator = teg.compile(area, [D], backend="c")
+    rng = np.random.default_rng(1)
+    given = {"D": np.c_[rng.random((disks, 2)), np.full(disks, 0.5 / np.sqrt(disks))]}
+    exact = slopes_of_union(given["D"], lambda u, v: 1 + 0 * u)
+    return row(f"union of {disks} disks", disks**2, evaluator, given, lambda: float(np.abs(evaluator.grad(given)["D"] - exact).max()))
+
+
+def disks_row(size: int, disks: int) -> Row:
+    """A picture of disks that overlap: Σ over pixels of (covered area - target)², with the disks of each pixel; the error is that of the
+    sum of derivatives by the radii, of covered areas, beside arcs."""
+    D, p, k = teg.array("D", 2), teg.index("p"), teg.index("k")
+    first, listed = teg.indices("first", 1), teg.indices("listed", 1)
+    x, y = teg.vars("x y")
+    inside = (x - D[listed[k], 0]) ** 2 + (y - D[listed[k], 1]) ** 2 < D[listed[k], 2] ** 2
+    pixel = (x, p % size, p % size + 1), (y, p // size, p // size + 1)
+    covered = teg.integral(teg.bracket(teg.any(inside, (k, first[p], first[p + 1]))), *pixel)
+    evaluator, sums = (teg.compile(teg.sum(e, (p, 0, size * size)), [D], backend="c") for e in ((covered - 0.3) ** 2, covered))
+    rng = np.random.default_rng(0)
+    at = np.c_[rng.uniform(0, size, (disks, 2)), rng.uniform(0.2, 0.6, disks) * size / np.sqrt(disks)]
+    rows, columns = np.divmod(np.arange(size * size), size)
+    away = [np.maximum(np.maximum(c[:, None] - at[:, i], at[:, i] - c[:, None] - 1), 0) for i, c in enumerate((columns, rows))]
+    pairs = np.nonzero(away[0] ** 2 + away[1] ** 2 < at[:, 2] ** 2)
+    given = {"D": at, "first": np.searchsorted(pairs[0], np.arange(size * size + 1)), "listed": pairs[1]}
+    exact = slopes_of_union(at / size, lambda u, v: 1 + 0 * u)[:, 2].sum() * size
+    name = f"{disks} disks that overlap, {size}² pixels"
+    return row(name, len(pairs[0]), evaluator, given, lambda: abs(float(sums.grad(given)["D"][:, 2].sum() / exact) - 1))
 
 
 def blur_row(demo: str, size: int) -> Row:
