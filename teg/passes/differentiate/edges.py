@@ -21,7 +21,7 @@ Cost: one term a program, however many candidates there are.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import NamedTuple, cast
 
 from teg.analysis.antiderivative import integrated
@@ -34,12 +34,13 @@ from teg.analysis.tails import is_unbounded
 from teg.errors import NotDifferentiableError
 from teg.ir.arrays import sum_over
 from teg.ir.cells import APART, Symbols, replace_integers, replaced
-from teg.ir.expr import FALSE, MINUS_ONE, ONE, TRUE, ZERO, Compare, Cond, Const, Expr, Param, Var, Where, const
+from teg.ir.expr import FALSE, MINUS_ONE, ONE, TRUE, ZERO, And, Compare, Cond, Const, Expr, Not, Or, Param, Var, Where, const
 from teg.ir.function import Apply, Slot
 from teg.ir.index import Index, IndexVar
 from teg.ir.integral import Integral, PointMasses, integral_over
 from teg.ir.node import Node, postorder
 from teg.ir.operands import as_number, less
+from teg.ir.show import show
 from teg.ir.simplify import add, bracket, call, conjunction, disjunction, integer_power, mul, negation, positive, sub, where
 from teg.ir.still import with_still_parameters
 from teg.ir.traverse import fresh, rewrite, rewrite_below, substitute
@@ -50,6 +51,7 @@ Derive = Callable[[Expr, Sequence[Param]], Sequence[Expr]]
 SHIFT = Param.make(f"{APART}shift", ())
 BEYOND = 0.0291
 """How far beyond a side of the box the line is that ends it, as a part of the length of the box: borders touch it by chance only."""
+SHOWN = 60
 MOST_PLACES = 8
 """The largest number of places where the border of one candidate may cross an edge of another one."""
 LEFT, RIGHT = Param.make(f"{APART}left", ()), Param.make(f"{APART}right", ())
@@ -86,12 +88,15 @@ def _value(node: Uncovered, derive: Derive) -> Expr:
     inner = Integral.make(u, (cast(Expr, substitute(node.body, {x: u})), lo, x))
     known = integrated(inner)
     reached = inner if known is None else known
-    whole = cast(Expr, substitute(reached, {x: hi}))
-    beyond = Uncovered.make(node.data, (*node.children[:-2], hi, far))
+    whole, wider = cast(Expr, substitute(reached, {x: hi})), Uncovered.make(node.data, (*node.children[:-1], far))
+    inside = where(positive(mul(sub(hi, x), length)), x, hi)
+    within = reached if known is not None else cast(Expr, substitute(reached, {x: inside}))
+    after = sub(whole, reached) if known is not None else ZERO  # 0 at the bound: which side of it an edge along it is on does not matter
+    parts = (wider, within), (Uncovered.make(node.data, (*node.children[:-2], hi, far)), after)
     line = integral_over(mul(whole, _seen(_before(node, x, far, length), (y,))), y, low, high)
     terms = [_along_lines(mul(SHIFT, line), derive)]
-    for inside, outside in zip(edges_of(node, reached, SHIFT), edges_of(beyond, whole, SHIFT), strict=True):
-        terms.append(sum_over(_along_lines(add(inside, outside), derive), node.index, node.lo, node.hi))
+    for edges in zip(*(edges_of(part, weight, SHIFT) for part, weight in parts), strict=True):
+        terms.append(sum_over(_along_lines(add(*edges), derive), node.index, node.lo, node.hi))
     return add(*terms)
 
 
@@ -117,8 +122,17 @@ def _before(node: Uncovered, x: Var, hi: Expr, length: Expr) -> _Around:
         return positive(mul(MINUS_ONE, length, _slope(atom.g, x)))
 
     at = {x: hi}
-    condition = cast(Cond, substitute(node.condition, at))
+    condition = _placed(node.condition, at)
     return _Around((node.index, node.lo, node.hi), condition, cast(Expr, substitute(_at_tie(node.condition, truth, node.variables), at)))
+
+
+def _placed(condition: Cond, at: Mapping[Var, Expr]) -> Cond:
+    """Returns a condition at places, where each of its surfaces may tie."""
+
+    def tying(old: Compare, g: Expr, _: Cond | None) -> Cond:
+        return positive(g, old.strict, TRUE, old.rivals or (show(old.g, SHOWN), "the edge of another candidate"))
+
+    return cast(Cond, substitute(condition, at, tying))
 
 
 # -- edges -------------------------------------------------------------------------------------------------------------
@@ -140,7 +154,7 @@ def edges_of(node: Uncovered, weight: Expr, moved: Param | None = None) -> Itera
         surface: Cond = atom
         if moved is not None:
             surface = cast(Cond, substitute(atom, {y_x[-1]: add(y_x[-1], moved)}))
-        cell = mul(fixed(mul(weight, side)), _seen(_others(node, atom, side), y_x), bracket(surface))
+        cell = mul(fixed(mul(weight, side)), _seen(_others(node, atom), y_x), bracket(surface))
         for v, (lo, hi) in reversed(list(zip(y_x, bounds, strict=True))):
             cell = integral_over(cell, v, fixed(lo), fixed(hi))
         yield cell
@@ -155,7 +169,7 @@ def inside_of(node: Uncovered) -> Expr:
     return cell
 
 
-def _others(node: Uncovered, atom: Compare, side: Expr) -> _Around:
+def _others(node: Uncovered, atom: Compare) -> _Around:
     """Returns what covers edges of candidates: the other ones."""
     k, variables = node.index, node.variables
     j = IndexVar.make(f"{k.name}{APART}other", ())
@@ -165,14 +179,25 @@ def _others(node: Uncovered, atom: Compare, side: Expr) -> _Around:
 
     def truth(other: Compare) -> Cond:
         either, both = _either_and_both(theirs, other)
-        turn = sub(*(bracket(cast(Cond, replaced([cast(Expr, theirs)], {other: cast(Expr, t)})[0])) for t in (TRUE, FALSE)))
         dot = add(*(mul(_slope(atom.g, v), _slope(other.g, v)) for v in variables))
-        same = positive(mul(dot, side, turn))
+        same = positive(mul(dot, _sense(node.condition, atom), _sense(theirs, other)))
         wider = disjunction(negation(same), less(distance, ZERO, True))
         return disjunction(both, conjunction(either, wider))
 
     tie = where(different, _at_tie(theirs, truth, variables, whole=True), ZERO)
     return _Around((j, node.lo, node.hi), conjunction(different, theirs), tie)
+
+
+def _sense(condition: Cond, atom: Compare) -> Expr:
+    """Returns 1 if a condition holds on that side of an atom where the atom does, -1 if on the other one: as it is written, for where the
+    rest of the condition fails neither side has anything to cover. Raises Refused if it depends on the rest."""
+    senses: dict[Node, set[float]] = {condition: {1.0}}
+    for node in reversed(postorder([condition])):
+        for child in node.children if isinstance(node, And | Or | Not) else ():
+            senses.setdefault(child, set()).update(-s if isinstance(node, Not) else s for s in senses[node])
+    if len(senses.get(atom, ())) != 1:
+        raise Refused("an edge of a candidate has it on either side")
+    return const(next(iter(senses[atom])))
 
 
 def _either_and_both(condition: Cond, atom: Compare) -> tuple[Cond, Cond]:
@@ -263,7 +288,7 @@ def _of_integral(node: Integral) -> Expr:
         if any(mark.derivative):
             raise Refused("an edge has no chart")
         at = dict(zip(variables, mark.children, strict=True))
-        placed = around._replace(condition=cast(Cond, substitute(around.condition, at)), tie=cast(Expr, substitute(around.tie, at)))
+        placed = around._replace(condition=_placed(around.condition, at), tie=cast(Expr, substitute(around.tie, at)))
         terms.append(_over_gaps(node, placed, weight))
     return add(*terms)
 
@@ -358,7 +383,7 @@ def _by_half_angle(on_arc: _OnLine, angle: Var) -> _OnLine | None:
             return new
         polynomial = in_half_angle(new.g, c, s, angle)
         known &= polynomial is not None
-        return new if polynomial is None else positive(polynomial, new.strict)
+        return new if polynomial is None else positive(polynomial, new.strict, new.resolution, new.rivals)
 
     condition = cast(Cond, rewrite([condition], visit)[condition])
     z = integer_power(add(ONE, integer_power(angle, 2)), -1)

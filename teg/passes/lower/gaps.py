@@ -18,11 +18,9 @@ from teg.analysis.isolation import Isolation, isolate
 from teg.analysis.roots import solve
 from teg.analysis.settings import Integration
 from teg.analysis.surfaces import atoms_of
-from teg.ir.expr import TRUE, And, Compare, Cond, Expr, Param, Var
-from teg.ir.node import Node
-from teg.ir.show import show
-from teg.ir.simplify import conjunction, nonzero_part, positive
-from teg.ir.traverse import rewrite
+from teg.ir.expr import And, Compare, Cond, Expr, Param, Var
+from teg.ir.node import postorder
+from teg.ir.simplify import conjunction, nonzero_part
 from teg.passes.lower.emit import NAN, Emitter
 from teg.passes.lower.levels import Level
 from teg.passes.lower.roots import Roots
@@ -30,8 +28,6 @@ from teg.passes.lower.rounding import CLEAR
 from teg.program import INSIDE, TIE_EPS, Arg, Called, Program, Tie
 from teg.program.arrays import TOUCH
 from teg.program.dce import without_dead_code
-
-SHOWN = 60
 
 
 def schedule_places(covered: Expr, tie: Expr, place: Var, parameters: Sequence[str], how: Integration) -> Program:
@@ -52,7 +48,6 @@ def schedule_places(covered: Expr, tie: Expr, place: Var, parameters: Sequence[s
         found += _roots_of(g, place, ends, roots, top) or roots.isolated(_isolation(g, place, roots), *ends, top, when)
     is_known = [out.assign(top, "ok", p) for p in found]
     places = _ascending(out, top, [_inside(out, top, p, first, last) for p in found])
-    decided = _deciding_ties(covered, place)
     flags: list[Arg] = []
     ties: list[Arg] = []
     doubts: list[Arg] = []
@@ -61,7 +56,7 @@ def schedule_places(covered: Expr, tie: Expr, place: Var, parameters: Sequence[s
     for p, q in pairwise(bounds):
         inside = out.assign(top, "add", p, out.assign(top, "mul", INSIDE, out.assign(top, "sub", q, p)))
         level = Level(place, top, 1, names={place: inside}, block=top.block)
-        flags.append(out.number(decided, level))
+        flags.append(out.number(covered, level))
         ties.append(out.number(tie, level))
         length = out.assign(top, "sub", q, p)
         short = out.assign(top, "and", out.assign(top, "gt0", length), out.assign(top, "gt0", out.assign(top, "sub", touch, length)))
@@ -97,11 +92,15 @@ def _isolation(g: Expr, place: Var, roots: Roots) -> Isolation:
     return found
 
 
+def _may_tie(condition: Cond) -> bool:
+    return any(isinstance(n, Compare) and n.resolution is not None for n in postorder([condition]))
+
+
 def _applies(covered: Expr, place: Var, out: Emitter, top: Level) -> str | None:
     """Returns a condition without which no place is covered: along its own edge a candidate is 0."""
     condition, _ = nonzero_part(covered)
     parts = condition.children if isinstance(condition, And) else (condition,)
-    outside = conjunction(*(c for c in cast("Sequence[Cond]", parts) if place not in c.free))
+    outside = conjunction(*(c for c in cast("Sequence[Cond]", parts) if place not in c.free and not _may_tie(c)))
     holds = out.truths(outside, top)[0]
     return holds if isinstance(holds, str) else None
 
@@ -122,15 +121,3 @@ def _ascending(out: Emitter, top: Level, places: list[Arg]) -> list[Arg]:
             low, high = (out.assign(top, op, places[i], places[i + 1]) for op in ("min", "max"))
             places[i], places[i + 1] = low, high
     return places
-
-
-def _deciding_ties(covered: Expr, place: Var) -> Expr:
-    """Returns whether a place is covered, ½ where a condition on it ties."""
-
-    def visit(old: Node, new: Node) -> Node:
-        if not isinstance(new, Compare) or place not in new.free:
-            return new
-        name = show(new.g, SHOWN)
-        return positive(new.g, new.strict, TRUE, (name, name))
-
-    return cast(Expr, rewrite([covered], visit)[covered])

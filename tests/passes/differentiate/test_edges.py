@@ -163,6 +163,27 @@ def area_of_two(disks: np.ndarray) -> mpmath.mpf:
         return mpmath.pi * (r * r + s * s) - common
 
 
+@pytest.mark.parametrize(
+    "condition",
+    [
+        lambda r: in_disk(r) & (x + y < r(0) + r(1)),
+        lambda r: in_disk(r) & (x < r(0)),
+        lambda r: in_disk(r) & ~(y <= r(1)),
+    ],
+    ids=["aslant", "upright", "level"],
+)
+def test_half_disks_on_a_grid(condition: Any) -> None:
+    """Many of their edges lie on each other, and on the sides of the box: values are those of places nearby."""
+    f = teg.compile(teg.integral(teg.bracket(any_of(condition)) * (1 + x * y), *BOX), [D])
+    assert follows_edges(f)
+    rng = np.random.default_rng(0)
+    for _ in range(100):
+        n = int(rng.integers(1, 5))
+        disks = np.c_[rng.integers(0, 11, (n, 2)) / 10, rng.integers(1, 6, n) / 10]
+        nearby = disks + rng.uniform(-1e-7, 1e-7, disks.shape)
+        assert f(D=disks) == pytest.approx(f(D=nearby), abs=3e-6), disks.tolist()
+
+
 def test_the_same_disk_on_both_sides_is_everything() -> None:
     """A disk and what is outside of the same disk: no border is left."""
     sign = D[k, 3]
