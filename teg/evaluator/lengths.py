@@ -54,7 +54,6 @@ class Lengths:
 
     def read(self, wanted: Wanted, given: Mapping[str, Any]) -> tuple[Call, Kernels]:
         """Returns the call with these values, and the kernels for its lengths."""
-        known = self.any if not (wanted.along and self.any is not None and self.any.plan.follows_edges) else None
         if not wanted.along and self.any is not None:
             return read_call(self._leaves, given, self._integers, self._options.dtype), self.any
         along = {p: q for direction in directions_of(wanted, self._leaves) for p, q in direction.items()}
@@ -64,7 +63,9 @@ class Lengths:
         for p, d in along.items():
             if isinstance(p, Array) and isinstance(d, Array) and shapes[p] != shapes[d]:
                 raise ParameterError(f"the direction along {p.name} has the shape {shapes[d]}, {p.name} has {shapes[p]}")
-        return call, known or self._for_lengths(shapes, given)
+        if self.any is None or self.any.plan.follows_edges:  # what follows edges writes candidates out for second derivatives
+            return call, self._for_lengths(shapes, given)
+        return call, self.any
 
     def _for_lengths(self, shapes: Mapping[ArrayName, tuple[int, ...]], given: Mapping[str, Any]) -> Kernels:
         """Returns the kernels for these lengths of arrays, and for so many candidates as are given."""

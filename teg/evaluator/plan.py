@@ -35,7 +35,7 @@ from teg.ir.node import Node, postorder
 from teg.ir.still import released
 from teg.ir.uncovered import Uncovered
 from teg.maps.diffeomorphism import Diffeomorphism
-from teg.passes.differentiate.edges import Refused, along_edges
+from teg.passes.differentiate.edges import along_edges
 from teg.passes.differentiate.estimators.estimator import Estimator
 from teg.passes.differentiate.estimators.ignore import Ignore, ignore_discontinuities
 from teg.passes.differentiate.through_sums import Parameter, gradient, on_cells, tangent
@@ -48,6 +48,7 @@ from teg.passes.normalise.canonicalise import canonicalise
 from teg.passes.normalise.choices import without_uncovered
 from teg.passes.normalise.inline import with_slots, without_slots, write_out
 from teg.passes.normalise.integers import with_sums_of_integers
+from teg.passes.normalise.partitions import Refused
 from teg.passes.normalise.tables import with_tables
 from teg.passes.program.errors_in_loops import with_array_error_estimates
 from teg.passes.program.link import with_bodies

@@ -45,6 +45,7 @@ from teg.ir.simplify import add, bracket, call, conjunction, disjunction, intege
 from teg.ir.still import with_still_parameters
 from teg.ir.traverse import fresh, rewrite, rewrite_below, substitute
 from teg.ir.uncovered import Gaps, Uncovered
+from teg.passes.normalise.partitions import Refused
 
 Derive = Callable[[Expr, Sequence[Param]], Sequence[Expr]]
 """The derivatives of a scalar expression by parameters, without δ."""
@@ -55,14 +56,6 @@ SHOWN = 60
 MOST_PLACES = 8
 """The largest number of places where the border of one candidate may cross an edge of another one."""
 LEFT, RIGHT = Param.make(f"{APART}left", ()), Param.make(f"{APART}right", ())
-
-
-class Refused(Exception):  # caught by the caller, which writes the candidates out
-    """Candidates cannot be followed along edges; the text says why."""
-
-    @property
-    def reason(self) -> str:
-        return str(self.args[0])
 
 
 class _Around(NamedTuple):
@@ -79,8 +72,6 @@ def along_edges(root: Expr, derive: Derive) -> dict[Node, Expr]:
 
 
 def _value(node: Uncovered, derive: Derive) -> Expr:
-    if len(node.variables) == 1:
-        raise Refused("there is one variable of integration")
     (y, x), ((low, high), (lo, hi)) = node.variables, node.bounds
     length = sub(hi, lo)
     far = add(hi, mul(const(BEYOND), length))
@@ -149,8 +140,7 @@ def edges_of(node: Uncovered, weight: Expr, moved: Param | None = None) -> Itera
     for atom in atoms_of(node.condition):
         if atom.free.isdisjoint(y_x):
             continue
-        holds, fails = (cast(Cond, replaced([cast(Expr, node.condition)], {atom: cast(Expr, t)})[0]) for t in (TRUE, FALSE))
-        side = sub(bracket(holds), bracket(fails))
+        side = sub(*map(bracket, _sides(node.condition, atom)))
         surface: Cond = atom
         if moved is not None:
             surface = cast(Cond, substitute(atom, {y_x[-1]: add(y_x[-1], moved)}))
@@ -202,8 +192,14 @@ def _sense(condition: Cond, atom: Compare) -> Expr:
 
 def _either_and_both(condition: Cond, atom: Compare) -> tuple[Cond, Cond]:
     """Returns whether a condition holds on either side of an atom, and whether on both."""
-    sides = [cast(Cond, replaced([cast(Expr, condition)], {atom: cast(Expr, t)})[0]) for t in (TRUE, FALSE)]
+    sides = _sides(condition, atom)
     return disjunction(*sides), conjunction(*sides)
+
+
+def _sides(condition: Cond, atom: Compare) -> tuple[Cond, Cond]:
+    """Returns a condition where an atom of it holds, and where it does not."""
+    holds, fails = (cast(Cond, replaced([cast(Expr, condition)], {atom: cast(Expr, t)})[0]) for t in (TRUE, FALSE))
+    return holds, fails
 
 
 def _at_tie(condition: Cond, truth: Callable[[Compare], Cond], variables: Sequence[Var], whole: bool = False) -> Expr:

@@ -42,7 +42,7 @@ MOST_WRITTEN: dict[type, int] = {Nearest: 24, AnyOf: 256, Product: 256}
 
 
 class Refused(Exception):  # an answer to the caller, not an error
-    """An integral of a choice is no partition; `reason` says why."""
+    """An integral of a choice is no partition, or cannot be followed along edges; `reason` says why."""
 
     def __init__(self, reason: str) -> None:
         super().__init__(reason)

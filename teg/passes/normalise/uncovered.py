@@ -1,4 +1,4 @@
-"""Integrals of `teg.any` over a box as those over what no candidate covers.
+"""Integrals of `teg.any` over a box of two variables as those over what no candidate covers.
 
     ∫∫ f(any_k c_k)   =   ∫∫ f(true) - ∫∫ (f(true) - f(false))·[no k has c_k]
 
@@ -23,7 +23,6 @@ from teg.ir.uncovered import Uncovered
 from teg.passes.normalise.partitions import Refused, one_choice
 
 Bounds = Sequence[tuple[Var, Expr, Expr]]
-MOST_VARIABLES = 2
 
 
 def over_uncovered(node: Integral) -> Expr:
@@ -37,8 +36,8 @@ def over_uncovered(node: Integral) -> Expr:
             raise Refused("a bound depends on another variable of integration")
         bounds.append((body.var, body.lo, body.hi))
         body = body.body
-    if len(bounds) > MOST_VARIABLES:
-        raise Refused("there are more than two variables")
+    if len(bounds) != 2:
+        raise Refused("it is over another number of variables than two")
     return add(*(_term(e, bounds) for e in (body.children if isinstance(body, Add) else (body,))))
 
 
