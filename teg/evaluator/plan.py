@@ -40,7 +40,7 @@ from teg.passes.differentiate.estimators.estimator import Estimator
 from teg.passes.differentiate.estimators.ignore import Ignore, ignore_discontinuities
 from teg.passes.differentiate.through_sums import Parameter, gradient, on_cells, tangent
 from teg.passes.intrinsics import with_loops
-from teg.passes.lower.gaps import schedule_places
+from teg.passes.lower.gaps import schedule_matters, schedule_places
 from teg.passes.lower.integrals import About
 from teg.passes.lower.loops import Output, output_of, schedule_arrays
 from teg.passes.lower.weights import has_relative_sums
@@ -285,8 +285,9 @@ class Derivation:
             return replace(program, weighs_ties=is_second(wanted))
 
         def places(cells: Sequence[Expr], names: Sequence[str], line: Var) -> Program:
-            covered, tie = (released(canonicalise(c)) for c in cells)
-            program = schedule_places(covered, tie, line, names, how)
+            numbers = [released(canonicalise(c)) for c in cells]
+            schedule = partial(schedule_places, numbers[0], numbers[1]) if len(numbers) > 1 else partial(schedule_matters, numbers[0])
+            program = schedule(line, names, how)
             return program if unfinished else finished(program)
 
         scalars = [p.name for p in arguments if isinstance(p, Param)]
@@ -411,6 +412,10 @@ def followed(e: Expr, wrt: Sequence[Parameter]) -> tuple[Expr, dict[Node, Expr]]
             gradient(entry, wrt, derive)
         return e, edges
     except Refused as refused:
+        import os
+
+        if os.environ.get("DBG"):
+            print("REFUSED", refused.reason)
         return without_uncovered(e, refused.reason), {}
 
 

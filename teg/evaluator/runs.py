@@ -17,9 +17,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 from teg.analysis.settings import Integration
 from teg.errors import TegError
 from teg.evaluator.plan import Kept, Plan, Wanted
-from teg.ir.cells import APART
 from teg.ir.expr import Param
-from teg.ir.index import ArrayName, Index, IndexArray, IndexConst, IndexParam, Length
+from teg.ir.index import APART, ArrayName, Index, IndexArray, IndexConst, IndexParam, Length
 from teg.passes.differentiate.estimators.exact import Exact
 from teg.passes.differentiate.through_sums import outlined
 from teg.passes.normalise.runs import Entry, Listed, Rows, Runs, by_runs, listed_sums

@@ -15,7 +15,7 @@ from teg.errors import NameClashError, ScopeError
 from teg.ir import expr as ex
 from teg.ir.arrays import LEAVES, Gather, Placed, Ranged, Sum, Unit, arrays_of, integer_parameters, integers_of, open_indices
 from teg.ir.expr import Expr, Param, Tuple
-from teg.ir.index import ArrayName, Index, IndexConst, IndexValue, IndexVar, Length, index_const, index_leaves, substitute_index
+from teg.ir.index import APART, ArrayName, Index, IndexConst, IndexValue, IndexVar, Length, index_const, index_leaves, substitute_index
 from teg.ir.node import Node, postorder
 from teg.ir.show import show
 from teg.ir.traverse import rebuild, rewrite_below
@@ -23,8 +23,6 @@ from teg.ir.uncovered import Gaps
 
 SHOWN = 60
 """The largest number of characters of a sum in the name of its symbol."""
-APART = "\0"
-"""Stands between the name of an index and a number that makes the name unique. No name given by a user contains it."""
 
 
 def cell_leaves(roots: Sequence[Node]) -> list[Expr]:

@@ -32,6 +32,10 @@ LARGEST = 2**62
 """The integers of a program are smaller than this. They are 64 bits wide at run time."""
 
 
+APART = "\0"
+"""Stands between the name of an index and a number that makes the name unique. No name given by a user contains it."""
+
+
 class Index(Node):
     """An integer expression: an index of a sum, a length, an entry of an integer array, and `+ - * // %` of these.
 

@@ -1,7 +1,7 @@
 """Integrals over what no candidate covers, of which there are as many as the data say.
 
     e ::= … | uncovered[j: i..i, x, …](b, e; e, e, …)      ∫…∫ e over the part of a box where no j has b; then the bounds of each variable
-    e ::= … | gaps[j: i..i, s](e, e, b, b; e, …)           Σ of the numbers behind the semicolon over the gaps between covered intervals
+    e ::= … | gaps[j: i..i, s](e, e, b, b, b; e)           Σ of the numbers behind the semicolon over the gaps between covered intervals
 
 Users do not write them: `teg.passes.normalise.choices` makes the first of integrals of `teg.any`, `teg.passes.differentiate.edges` the
 second of the first.
@@ -13,13 +13,24 @@ from typing import Any, cast
 
 from teg.ir.arrays import Ranged
 from teg.ir.expr import Cond, Expr, Param, Var
-from teg.ir.node import union
+from teg.ir.function import Apply, Slot
+from teg.ir.index import APART
+from teg.ir.node import Node, postorder, union
+
+TURN = Param.make(f"{APART}turn cos", ()), Param.make(f"{APART}turn sin", ())
+"""The cosine and the sine of the angle around which a quarter of an ellipse lies, in integrals along it: there is one for each quarter."""
+
+
+def marks_of(root: Node) -> list[Apply]:
+    """Returns the places in an expression that candidates may cover: functions without a body."""
+    return [n for n in postorder([root]) if isinstance(n, Apply) and isinstance(n.callee, Slot) and len(n.callee.data) > 4]
 
 
 class Uncovered(Ranged, Expr):
     """∫…∫ body over the part of a box that no candidate covers; data are (index, lo, hi, variables), the outermost variable first.
 
-    Children: the condition under which a candidate covers a point, the body, and a lower and an upper bound for each variable.
+    Children: the condition under which a candidate covers a point, one outside of which candidates cover every point, the body, and a
+    lower and an upper bound for each variable.
     """
 
     __slots__ = ()
@@ -36,13 +47,17 @@ class Uncovered(Ranged, Expr):
         return cast(Cond, self.children[0])
 
     @property
+    def within(self) -> Cond:
+        return cast(Cond, self.children[1])
+
+    @property
     def body(self) -> Expr:
-        return cast(Expr, self.children[1])
+        return cast(Expr, self.children[2])
 
     @property
     def bounds(self) -> tuple[tuple[Expr, Expr], ...]:
         """Returns the lower and the upper bound of each variable."""
-        ends = cast("tuple[Expr, ...]", self.children[2:])
+        ends = cast("tuple[Expr, ...]", self.children[3:])
         return tuple(zip(ends[::2], ends[1::2], strict=True))
 
 
@@ -50,7 +65,8 @@ class Gaps(Ranged, Expr):
     """Σ term over the gaps that candidates leave between `first` and `last`; data are (index, lo, hi, variable, left, right).
 
     Children: first, last, whether a candidate covers the place of the variable, as 1 or 0, the same where it ties (there the border of a
-    candidate runs along the line of the variable), and the term, in which the parameters `left` and `right` are the ends of a gap.
+    candidate runs along the line of the variable), whether the place matters, and the term, in which the parameters `left` and `right` are
+    the ends of a gap. Where no place matters the term is 0 on every gap, or all is covered.
     """
 
     __slots__ = ()
@@ -76,8 +92,12 @@ class Gaps(Ranged, Expr):
         return cast(Expr, self.children[3])
 
     @property
-    def term(self) -> Expr:
+    def matters(self) -> Expr:
         return cast(Expr, self.children[4])
+
+    @property
+    def term(self) -> Expr:
+        return cast(Expr, self.children[5])
 
     @property
     def shared(self) -> tuple[object, ...]:

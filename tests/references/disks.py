@@ -76,3 +76,40 @@ def _angles(disks: np.ndarray, k: int) -> list[float]:
             half = np.arccos((apart**2 + r * r - s * s) / (2 * apart * r))
             found += [np.arctan2(d - b, c - a) + half, np.arctan2(d - b, c - a) - half]
     return [(angle + np.pi) % (2 * np.pi) - np.pi if abs(angle) > np.pi else angle for angle in found]
+
+
+# -- disks with depths and colours, the nearest one seen ---------------------------------------------------------------
+
+
+def integral_of_layers(disks: np.ndarray, depths: np.ndarray, colours: np.ndarray, ground: float) -> float:
+    """∫∫ of the colour of the nearest disk, by the same slices."""
+    total = 0.0
+    for p, q in pairwise(np.unique(np.clip([0.0, 1.0, *_heights(disks)], 0.0, 1.0))):
+        u = 0.5 * (NODES + 1)
+        for height, weight in zip(p + (q - p) * u * u * (3 - 2 * u), (q - p) * 3 * u * (1 - u) * WEIGHTS, strict=True):
+            half = np.sqrt(np.maximum(disks[:, 2] ** 2 - (height - disks[:, 1]) ** 2, 0.0))
+            ends = np.unique(np.clip([0.0, 1.0, *(disks[:, 0] - half), *(disks[:, 0] + half)], 0.0, 1.0))
+            for left, right in pairwise(ends):
+                total += weight * (right - left) * _seen_at(0.5 * (left + right), height, disks, depths, colours, ground)
+    return total
+
+
+def slopes_of_layers(disks: np.ndarray, depths: np.ndarray, colours: np.ndarray, ground: float) -> np.ndarray:
+    """The derivatives of that integral by centres and radii: over the arcs that are seen, the colour less the one behind."""
+    found = np.zeros_like(disks)
+    for k, (a, b, r) in enumerate(disks):
+        others = np.arange(len(disks)) != k
+        for p, q in pairwise(np.unique(_angles(disks, k))):
+            x, y = a + r * np.cos(0.5 * (p + q)), b + r * np.sin(0.5 * (p + q))
+            before = depths < depths[k]
+            front = _seen_at(x, y, disks[before], depths[before], colours[before], np.nan)
+            if not np.isnan(front) or not (0 < x < 1 and 0 < y < 1):
+                continue
+            step = colours[k] - _seen_at(x, y, disks[others], depths[others], colours[others], ground)
+            found[k] += r * step * np.array([np.sin(q) - np.sin(p), np.cos(p) - np.cos(q), q - p])
+    return found
+
+
+def _seen_at(x: float, y: float, disks: np.ndarray, depths: np.ndarray, colours: np.ndarray, ground: float) -> float:
+    inside = (x - disks[:, 0]) ** 2 + (y - disks[:, 1]) ** 2 < disks[:, 2] ** 2
+    return float(colours[inside][np.argmin(depths[inside])]) if inside.any() else ground

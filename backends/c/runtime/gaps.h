@@ -1,10 +1,10 @@
 //: teg_gaps
 /* The gaps between first and last that candidates leave. `ends` are first the intervals that are covered, then the gaps but for the last one,
-   (p, q) each; `lost` where one is not known, or there was no memory. */
+   (p, q) each; `lost` where one is not known, or there was no memory; `closed` once a candidate covers all of the line. */
 typedef struct {
     double first, last, *ends;
     int64_t size, room;
-    int lost, full, doubtful;
+    int lost, full, doubtful, closed;
 } teg_gaps;
 
 //: teg_add_covered
@@ -20,11 +20,13 @@ static void teg_add_covered(teg_gaps *g, int n, const double *values)
         const int tie = flags[i] >= TEG_TIE_FROM && flags[i] <= TEG_TIE_TO;
         before = !tie ? flags[i] : q - p < touch ? -1.0 : ties[i];
     }
+    g->closed = !(ties[n + 1] > 0.0);
     for (int i = 0; i <= n; i++) {
         const double p = i ? fmin(values[i - 1], g->last) : g->first, q = i < n ? fmin(values[i], g->last) : g->last;
         const int tie = flags[i] >= TEG_TIE_FROM && flags[i] <= TEG_TIE_TO;
         before = !tie ? flags[i] : q - p < touch ? before : ties[i];
         g->lost |= isnan(before) || (i < n && isnan(values[i]));
+        g->closed &= before > TEG_TIE_TO || p >= q;
         if (!(before > TEG_TIE_TO) || !teg_is_piece(p, q))
             continue;
         if (g->size == g->room) {

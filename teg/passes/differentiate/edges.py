@@ -26,25 +26,27 @@ from typing import NamedTuple, cast
 
 from teg.analysis.antiderivative import integrated
 from teg.analysis.calculus import slope
+from teg.analysis.gates import gates_of
 from teg.analysis.half_angle import in_half_angle
 from teg.analysis.isolation import isolate
+from teg.analysis.polynomial import Shadow
 from teg.analysis.roots import solve
 from teg.analysis.surfaces import atoms_of, ordered
 from teg.analysis.tails import is_unbounded
 from teg.errors import NotDifferentiableError
 from teg.ir.arrays import sum_over
-from teg.ir.cells import APART, Symbols, replace_integers, replaced
-from teg.ir.expr import FALSE, MINUS_ONE, ONE, TRUE, ZERO, And, Compare, Cond, Const, Expr, Not, Or, Param, Var, Where, const
+from teg.ir.cells import Symbols, replace_integers, replaced
+from teg.ir.expr import FALSE, MINUS_ONE, ONE, TRUE, ZERO, Add, And, Compare, Cond, Const, Expr, Mul, Param, Var, Where, const
 from teg.ir.function import Apply, Slot
-from teg.ir.index import Index, IndexVar
+from teg.ir.index import APART, Index, IndexVar, index_const
 from teg.ir.integral import Integral, PointMasses, integral_over
 from teg.ir.node import Node, postorder
 from teg.ir.operands import as_number, less
 from teg.ir.show import show
-from teg.ir.simplify import add, bracket, call, conjunction, disjunction, integer_power, mul, negation, positive, sub, where
+from teg.ir.simplify import add, bracket, call, conjunction, disjunction, integer_power, mul, negation, nonzero_part, positive, sub, where
 from teg.ir.still import with_still_parameters
 from teg.ir.traverse import fresh, rewrite, rewrite_below, substitute
-from teg.ir.uncovered import Gaps, Uncovered
+from teg.ir.uncovered import TURN, Gaps, Uncovered, marks_of
 from teg.passes.normalise.partitions import Refused
 
 Derive = Callable[[Expr, Sequence[Param]], Sequence[Expr]]
@@ -55,15 +57,19 @@ BEYOND = 0.0291
 SHOWN = 60
 MOST_PLACES = 8
 """The largest number of places where the border of one candidate may cross an edge of another one."""
+QUICK = 2
+"""The largest degree of polynomials of which it is looked at whether an edge is seen at all."""
 LEFT, RIGHT = Param.make(f"{APART}left", ()), Param.make(f"{APART}right", ())
 
 
 class _Around(NamedTuple):
-    """What covers places: an index and its range, the condition, and the same where it ties, as a number."""
+    """What covers places: an index and its range, the condition, and the same where it ties, as a number; `within` is a condition outside
+    of which all places are covered."""
 
     over: tuple[IndexVar, Index, Index]
     condition: Cond
     tie: Expr
+    within: Cond = TRUE
 
 
 def along_edges(root: Expr, derive: Derive) -> dict[Node, Expr]:
@@ -109,12 +115,13 @@ def _seen(around: _Around, variables: Sequence[Var]) -> Expr:
 def _before(node: Uncovered, x: Var, hi: Expr, length: Expr) -> _Around:
     """Returns what covers the places just before the upper bound of the inner variable."""
 
-    def truth(atom: Compare) -> Cond:
-        return positive(mul(MINUS_ONE, length, _slope(atom.g, x)))
+    def truth(surface: _Surface) -> Cond:
+        return _holding(node.condition, surface, positive(mul(MINUS_ONE, length, _slope(surface.g, x))))
 
     at = {x: hi}
     condition = _placed(node.condition, at)
-    return _Around((node.index, node.lo, node.hi), condition, cast(Expr, substitute(_at_tie(node.condition, truth, node.variables), at)))
+    tie = cast(Expr, substitute(_at_tie(node.condition, truth, node.variables), at))
+    return _Around((node.index, node.lo, node.hi), condition, tie, cast(Cond, substitute(node.within, at)))
 
 
 def _placed(condition: Cond, at: Mapping[Var, Expr]) -> Cond:
@@ -137,14 +144,12 @@ def edges_of(node: Uncovered, weight: Expr, moved: Param | None = None) -> Itera
     def fixed(e: Expr) -> Expr:
         return e if moved is not None else with_still_parameters(e)
 
-    for atom in atoms_of(node.condition):
-        if atom.free.isdisjoint(y_x):
-            continue
-        side = sub(*map(bracket, _sides(node.condition, atom)))
-        surface: Cond = atom
+    for surface in _surfaces(node.condition, y_x):
+        side = sub(*map(bracket, _sides(node.condition, surface)))
+        beyond: Cond = surface.atoms[0]
         if moved is not None:
-            surface = cast(Cond, substitute(atom, {y_x[-1]: add(y_x[-1], moved)}))
-        cell = mul(fixed(mul(weight, side)), _seen(_others(node, atom), y_x), bracket(surface))
+            beyond = cast(Cond, substitute(beyond, {y_x[-1]: add(y_x[-1], moved)}))
+        cell = mul(fixed(mul(weight, side)), _seen(_others(node, surface), y_x), bracket(beyond))
         for v, (lo, hi) in reversed(list(zip(y_x, bounds, strict=True))):
             cell = integral_over(cell, v, fixed(lo), fixed(hi))
         yield cell
@@ -152,14 +157,14 @@ def edges_of(node: Uncovered, weight: Expr, moved: Param | None = None) -> Itera
 
 def inside_of(node: Uncovered) -> Expr:
     """Returns the integral of the body over what is not covered, a cell in which that does not move."""
-    around = _Around((node.index, node.lo, node.hi), node.condition, bracket(node.condition))
+    around = _Around((node.index, node.lo, node.hi), node.condition, bracket(node.condition), node.within)
     cell = mul(node.body, _seen(around, node.variables))
     for v, (lo, hi) in reversed(list(zip(node.variables, node.bounds, strict=True))):
         cell = integral_over(cell, v, lo, hi)
     return cell
 
 
-def _others(node: Uncovered, atom: Compare) -> _Around:
+def _others(node: Uncovered, edge: _Surface) -> _Around:
     """Returns what covers edges of candidates: the other ones."""
     k, variables = node.index, node.variables
     j = IndexVar.make(f"{k.name}{APART}other", ())
@@ -167,57 +172,73 @@ def _others(node: Uncovered, atom: Compare) -> _Around:
     distance = sub(as_number(j), as_number(k))
     different = positive(sub(integer_power(distance, 2), const(0.25)))
 
-    def truth(other: Compare) -> Cond:
-        either, both = _either_and_both(theirs, other)
-        dot = add(*(mul(_slope(atom.g, v), _slope(other.g, v)) for v in variables))
-        same = positive(mul(dot, _sense(node.condition, atom), _sense(theirs, other)))
+    def truth(other: _Surface) -> Cond:
+        sides = _sides(theirs, other)
+        dot = add(*(mul(_slope(edge.g, v), _slope(other.g, v)) for v in variables))
+        same = positive(mul(dot, _sense(node.condition, edge), _sense(theirs, other)))
         wider = disjunction(negation(same), less(distance, ZERO, True))
-        return disjunction(both, conjunction(either, wider))
+        return disjunction(conjunction(*sides), conjunction(disjunction(*sides), wider))
 
-    tie = where(different, _at_tie(theirs, truth, variables, whole=True), ZERO)
-    return _Around((j, node.lo, node.hi), conjunction(different, theirs), tie)
+    tie = where(different, _at_tie(theirs, truth, variables), ZERO)
+    return _Around((j, node.lo, node.hi), conjunction(different, theirs), tie, node.within)
 
 
-def _sense(condition: Cond, atom: Compare) -> Expr:
-    """Returns 1 if a condition holds on that side of an atom where the atom does, -1 if on the other one: as it is written, for where the
-    rest of the condition fails neither side has anything to cover. Raises Refused if it depends on the rest."""
-    senses: dict[Node, set[float]] = {condition: {1.0}}
-    for node in reversed(postorder([condition])):
-        for child in node.children if isinstance(node, And | Or | Not) else ():
-            senses.setdefault(child, set()).update(-s if isinstance(node, Not) else s for s in senses[node])
-    if len(senses.get(atom, ())) != 1:
+class _Surface(NamedTuple):
+    """Where a function is 0, and the atoms of a condition that ask for its sign."""
+
+    g: Expr
+    atoms: tuple[Compare, ...]
+
+
+def _surfaces(condition: Cond, variables: Sequence[Var]) -> list[_Surface]:
+    """Returns the surfaces of a condition on which variables of integration are."""
+    atoms: dict[Expr, list[Compare]] = {}
+    for atom in atoms_of(condition):
+        if not atom.free.isdisjoint(variables):
+            atoms.setdefault(atom.g, []).append(atom)
+    return [_Surface(g, tuple(of_g)) for g, of_g in atoms.items()]
+
+
+def _holding(condition: Cond, surface: _Surface, holds: Cond) -> Cond:
+    """Returns a condition where the atoms of a surface have a truth of their own."""
+    return cast(Cond, replaced([cast(Expr, condition)], dict.fromkeys(surface.atoms, cast(Expr, holds)))[0])
+
+
+def _sides(condition: Cond, surface: _Surface) -> tuple[Cond, Cond]:
+    """Returns a condition where the function of a surface is above 0, and where it is below."""
+    return _holding(condition, surface, TRUE), _holding(condition, surface, FALSE)
+
+
+def _sense(condition: Cond, surface: _Surface) -> Expr:
+    """Returns 1 if a condition holds on that side of a surface where its function is above 0, -1 if on the other one: as it is written, for
+    where the rest of the condition fails neither side has anything to cover. Raises Refused if that depends on more than integers."""
+    with_it, against = gates_of(condition, surface.atoms)
+    if FALSE in (with_it, against):
+        return ONE if against is FALSE else MINUS_ONE
+    if conjunction(with_it, against) is not FALSE:
         raise Refused("an edge of a candidate has it on either side")
-    return const(next(iter(senses[atom])))
+    return where(with_it, ONE, MINUS_ONE)
 
 
-def _either_and_both(condition: Cond, atom: Compare) -> tuple[Cond, Cond]:
-    """Returns whether a condition holds on either side of an atom, and whether on both."""
-    sides = _sides(condition, atom)
-    return disjunction(*sides), conjunction(*sides)
+def _at_tie(condition: Cond, truth: Callable[[_Surface], Cond], variables: Sequence[Var]) -> Expr:
+    """Returns a condition, as 1 or 0, where a surface of it is 0 all along a line: the nearest one has a `truth` for the condition.
 
-
-def _sides(condition: Cond, atom: Compare) -> tuple[Cond, Cond]:
-    """Returns a condition where an atom of it holds, and where it does not."""
-    holds, fails = (cast(Cond, replaced([cast(Expr, condition)], {atom: cast(Expr, t)})[0]) for t in (TRUE, FALSE))
-    return holds, fails
-
-
-def _at_tie(condition: Cond, truth: Callable[[Compare], Cond], variables: Sequence[Var], whole: bool = False) -> Expr:
-    """Returns a condition, as 1 or 0, where one of its atoms is 0 all along a line: the nearest one has a truth of its own.
-
-    With `whole`, that is the truth of the condition.
+    A function that is 0 everywhere has no line: there atoms hold as they are written, g >= 0 and not g > 0.
     """
-    atoms = [a for a in atoms_of(condition) if not a.free.isdisjoint(variables)]
+    surfaces = _surfaces(condition, variables)
     value: Expr = bracket(condition)
     nearest: Expr | None = None
-    for atom in atoms:
-        settled = truth(atom)
-        if not whole:
-            settled = cast(Cond, replaced([cast(Expr, condition)], {atom: cast(Expr, settled)})[0])
-        steepness = add(*(integer_power(_slope(atom.g, v), 2) for v in variables))
-        distance = mul(integer_power(atom.g, 2), integer_power(steepness, -1)) if len(atoms) > 1 else ZERO
+    for surface in surfaces:
+        steepness = add(*(integer_power(_slope(surface.g, v), 2) for v in variables))
+        distance = mul(integer_power(surface.g, 2), integer_power(steepness, -1)) if len(surfaces) > 1 else ZERO
+        settled: Expr = bracket(truth(surface))
+        if len(surface.atoms) > 1:
+            as_written = {cast(Node, a): cast(Expr, FALSE if a.strict else TRUE) for a in surface.atoms}
+            (everywhere,) = replaced([cast(Expr, condition)], as_written)
+            is_line = positive(steepness)
+            settled, distance = where(is_line, settled, bracket(cast(Cond, cast(Node, everywhere)))), where(is_line, distance, ZERO)
         closer = TRUE if nearest is None else positive(sub(nearest, distance))
-        value = where(closer, bracket(settled), value)
+        value = where(closer, settled, value)
         nearest = distance if nearest is None else where(closer, distance, nearest)
     return value
 
@@ -232,32 +253,53 @@ def _slope(g: Expr, x: Var) -> Expr:
 # -- gaps --------------------------------------------------------------------------------------------------------------
 
 
-def _marked(root: Node) -> list[Apply]:
-    """Returns the places in an expression that candidates may cover."""
-    return [n for n in postorder([root]) if isinstance(n, Apply) and isinstance(n.callee, Slot) and len(n.callee.data) > 4]
-
-
 def with_gaps(e: Expr, derive: Derive) -> Expr:
     """Returns an expression without δ in which sums over gaps stand for what may be covered. Raises Refused."""
-    if not _marked(e):
+    if not marks_of(e) and TURN[0] not in postorder([e]):
         return e
 
     def replacement(node: Node) -> Node | None:
-        if isinstance(node, Where) and not node.free and _marked(node):
+        if isinstance(node, Where) and not node.free and marks_of(node):
             return _of_branches(node, derive)
-        if isinstance(node, Integral) and _marked(node):
-            inner = [n for n in postorder([node.body]) if isinstance(n, Integral) and _marked(n)]
+        if isinstance(node, Integral) and marks_of(node):
+            inner = [n for n in postorder([node.body]) if isinstance(n, Integral) and marks_of(n)]
             return _of_nest(node, inner, derive) if inner else _of_integral(node)
-        if isinstance(node, Apply) and _marked(node)[-1:] == [node]:
+        if isinstance(node, Apply) and marks_of(node)[-1:] == [node]:
             raise Refused("a corner of the box moves over candidates")
         return None
+
+    return _over_quarters(cast(Expr, rewrite_below([e], replacement)[e]))
+
+
+def _over_quarters(e: Expr) -> Expr:
+    """Returns an expression in which a sum over the quarters of an ellipse stands for what was derived for one of them."""
+    turning: set[Node] = set()
+    for node in postorder([e]):
+        if node in TURN or any(c in turning for c in node.children):
+            turning.add(node)
+
+    def replacement(node: Node) -> Node | None:
+        moving = sum(c in turning for c in node.children)
+        above = (
+            isinstance(node, Add) or (isinstance(node, Mul) and moving == 1) or (isinstance(node, Where) and node.condition not in turning)
+        )
+        return None if above and moving else _sum_of_quarters(cast(Expr, node)) if node in turning else node
 
     return cast(Expr, rewrite_below([e], replacement)[e])
 
 
+def _sum_of_quarters(e: Expr) -> Expr:
+    quarter = IndexVar.make(f"{APART}quarter", ())
+    number = as_number(quarter)  # 0 to 3: the cosine is 1, 0, -1, 0
+    cosine = sub(call("magnitude", sub(number, const(2.0))), ONE)
+    sine = sub(ONE, call("magnitude", sub(number, ONE)))
+    (turned,) = replaced([e], dict(zip(TURN, (cosine, sine), strict=True)))
+    return sum_over(turned, quarter, index_const(0), index_const(4))
+
+
 def _of_branches(node: Where, derive: Derive) -> Expr:
     """Returns a choice between charts, no number where the one that is taken cannot be followed: that of an ellipse which is a strip, or a
-    million times as large as the box."""
+    million times as large as the box. Of a branch beside one that candidates do not cover it is refused."""
     refused: list[Refused] = []
     branches: list[Expr] = []
     for branch in (node.then, node.otherwise):
@@ -266,13 +308,13 @@ def _of_branches(node: Where, derive: Derive) -> Expr:
         except Refused as reason:
             refused.append(reason)
             branches.append(const(math.nan))
-    if len(refused) == 2:
+    if refused and (len(refused) == 2 or not (marks_of(node.then) and marks_of(node.otherwise))):
         raise refused[0]
     return where(node.condition, *branches)
 
 
 def _of_integral(node: Integral) -> Expr:
-    marks = list(dict.fromkeys(_marked(node.body)))
+    marks = list(dict.fromkeys(marks_of(node.body)))
     if any(isinstance(n, PointMasses) for n in postorder([node.body])):
         raise Refused("an edge has no formula")
     (rest,) = replaced([node.body], dict.fromkeys(marks, ZERO))
@@ -284,7 +326,8 @@ def _of_integral(node: Integral) -> Expr:
         if any(mark.derivative):
             raise Refused("an edge has no chart")
         at = dict(zip(variables, mark.children, strict=True))
-        placed = around._replace(condition=_placed(around.condition, at), tie=cast(Expr, substitute(around.tie, at)))
+        tie, within = (substitute(e, at) for e in (around.tie, around.within))
+        placed = _Around(around.over, _placed(around.condition, at), cast(Expr, tie), cast(Cond, within))
         terms.append(_over_gaps(node, placed, weight))
     return add(*terms)
 
@@ -294,7 +337,7 @@ def _of_nest(node: Integral, inner: Sequence[Integral], derive: Derive) -> Expr:
     (rest,) = replaced([node.body], dict.fromkeys(inner, ZERO))
     terms = [integral_over(rest, node.var, node.lo, node.hi)]
     for part in inner:
-        marks = list(dict.fromkeys(_marked(part.body)))
+        marks = list(dict.fromkeys(marks_of(part.body)))
         (unmarked,) = replaced([part.body], dict.fromkeys(marks, ZERO))
         variables = (node.var, part.var)
         plain = unmarked is ZERO and not (part.lo.free | part.hi.free) and node.var not in node.lo.free | node.hi.free
@@ -303,10 +346,11 @@ def _of_nest(node: Integral, inner: Sequence[Integral], derive: Derive) -> Expr:
         (body,) = replaced([part.body], {marks[0]: ONE})
         (whole,) = replaced([node.body], {other: body if other is part else ZERO for other in inner})
         around, names = cast(Slot, marks[0].callee).data[4]
-        condition = cast(Cond, substitute(around.condition, dict(zip(names, variables, strict=True))))
+        at = dict(zip(names, variables, strict=True))
+        conditions = (cast(Cond, substitute(c, at)) for c in (around.condition, around.within))
         over = *around.over, variables
         weight = whole if rest is ZERO else sub(whole, rest)
-        terms.append(_value(Uncovered.make(over, (condition, weight, node.lo, node.hi, part.lo, part.hi)), derive))
+        terms.append(_value(Uncovered.make(over, (*conditions, weight, node.lo, node.hi, part.lo, part.hi)), derive))
     return add(*terms)
 
 
@@ -318,18 +362,20 @@ def _over_gaps(node: Integral, around: _Around, weight: Expr) -> Expr:
     if is_unbounded(node):
         raise Refused("a bound is infinite")
     symbols = Symbols()
-    (cell, tie) = symbols.into([cast(Expr, around.condition), around.tie])
-    by_half_angle = _by_half_angle(_OnLine(cast(Cond, cell), tie, weight), s) if _turns_less_than_once(lo, hi) else None
-    condition, tie, weight = by_half_angle or _OnLine(cast(Cond, cell), tie, weight)
+    (cell, tie, *matters) = symbols.into([cast(Expr, c) for c in (around.condition, around.tie, around.within, *_nonzero(weight))])
+    on_line = _OnLine(cast(Cond, cell), tie, weight, cast("tuple[Cond, ...]", tuple(matters)))
+    by_half_angle = _by_half_angle(on_line, s) if _turns_less_than_once(lo, hi) else None
+    condition, tie, weight, some = by_half_angle or on_line
     _check_roots([atom.g for atom in atoms_of(condition, s)], s)
     order = ordered(lo, hi)
     first, last = (lo, hi) if order > 0 else (hi, lo) if order < 0 else (call("min", lo, hi), call("max", lo, hi))
     sign = const(float(order)) if order else where(less(hi, lo, True), MINUS_ONE, ONE)
     if by_half_angle is not None:
         first, last = (call("tan", mul(const(0.5), end)) for end in (first, last))
-    covered, tie = symbols.out_of([bracket(condition), tie])
+    known = conjunction(*(_placed(c, {s: s}) for c in some if _has_roots(c, s)))
+    covered, tie, where_it_matters = symbols.out_of([bracket(condition), tie, bracket(known)])
     over = *around.over, s, LEFT, RIGHT
-    return mul(sign, cast(Expr, Gaps.make(over, (first, last, covered, tie, integral_over(weight, s, LEFT, RIGHT)))))
+    return mul(sign, cast(Expr, Gaps.make(over, (first, last, covered, tie, where_it_matters, integral_over(weight, s, LEFT, RIGHT)))))
 
 
 def _check_roots(functions: Sequence[Expr], s: Var) -> None:
@@ -345,44 +391,72 @@ def _check_roots(functions: Sequence[Expr], s: Var) -> None:
         raise Refused(f"its border may cross an edge in more than {MOST_PLACES} places")
 
 
+def _nonzero(weight: Expr) -> list[Cond]:
+    """Returns conditions outside of which a weight is 0."""
+    found: list[Cond] = []
+    factors = [weight]
+    while factors:
+        factor = factors.pop()
+        condition, rest = nonzero_part(factor)
+        if condition is not TRUE:
+            found += cast("Sequence[Cond]", condition.children) if isinstance(condition, And) else [condition]
+            factors.append(rest)
+        elif isinstance(factor, Mul):
+            factors += factor.children
+    return found
+
+
+def _has_roots(condition: Cond, s: Var) -> bool:
+    """Returns whether a condition changes where polynomials do that are solved quickly."""
+    degrees = [Shadow((s,)).degree(atom.g) for atom in atoms_of(condition, s)]
+    return all(degree is not None and degree <= QUICK for degree in degrees)
+
+
 def _turns_less_than_once(lo: Expr, hi: Expr) -> bool:
     return all(isinstance(end, Const) and abs(end.data) < 0.99 * math.pi for end in (lo, hi))
 
 
 class _OnLine(NamedTuple):
-    """What covers places of a line, the same where it ties, and the weight of places."""
+    """What covers places of a line, the same where it ties, the weight of places, and conditions outside of which places do not matter."""
 
     condition: Cond
     tie: Expr
     weight: Expr
+    matters: tuple[Cond, ...]
 
 
 def _by_half_angle(on_arc: _OnLine, angle: Var) -> _OnLine | None:
     """Returns the same by the tangent of half the angle, in which conditions are polynomials; None if the angle occurs elsewhere than in
     its cosine and sine, or in other functions of these than polynomials in a condition."""
-    c, s = (fresh(name, frozenset().union(*(e.free for e in on_arc))) for name in ("cos", "sin"))
+    c, s = (fresh(name, on_arc.condition.free | on_arc.tie.free | on_arc.weight.free) for name in ("cos", "sin"))
     circular: dict[Node, Node] = {call("cos", angle): c, call("sin", angle): s}
-    on_circle = rewrite(on_arc, lambda _, new: circular.get(new, new))
+    roots = (on_arc.condition, on_arc.tie, on_arc.weight, *on_arc.matters)
+    on_circle = rewrite(roots, lambda _, new: circular.get(new, new))
     condition = cast(Cond, on_circle[on_arc.condition])
-    tie, weight = (cast(Expr, on_circle[e]) for e in on_arc[1:])
+    tie, weight = (cast(Expr, on_circle[e]) for e in roots[1:3])
     half, mark = mul(const(0.5), angle), fresh("half", [c, s, angle])
     short = call("sqrt", integer_power(add(ONE, integer_power(mark, 2)), -1))
     halves: dict[Node, Node] = {call("tan", half): mark, call("sin", half): mul(mark, short), call("cos", half): short}
     weight = cast(Expr, rewrite([weight], lambda _, new: halves.get(new, new))[weight])
     if condition.free.isdisjoint((c, s)) or any(angle in e.free for e in (condition, tie, weight)):
         return None
-    known = True
+    unknown: list[Node] = []
 
     def visit(_: Node, new: Node) -> Node:
-        nonlocal known
         if not isinstance(new, Compare) or new.free.isdisjoint((c, s)):
             return new
         polynomial = in_half_angle(new.g, c, s, angle)
-        known &= polynomial is not None
-        return new if polynomial is None else positive(polynomial, new.strict, new.resolution, new.rivals)
+        if polynomial is None:
+            unknown.append(new)
+            return new
+        return positive(polynomial, new.strict, new.resolution, new.rivals)
 
     condition = cast(Cond, rewrite([condition], visit)[condition])
+    if unknown:
+        return None
+    conditions = [on_circle[m] for m in on_arc.matters]
+    matters = tuple(cast(Cond, new) for new in map(rewrite(conditions, visit).__getitem__, conditions) if new.free.isdisjoint((c, s, mark)))
     z = integer_power(add(ONE, integer_power(angle, 2)), -1)
     at: dict[Var, Expr] = {c: sub(mul(const(2.0), z), ONE), s: mul(const(2.0), angle, z), mark: angle}
     tie, weight = (cast(Expr, substitute(e, at)) for e in (tie, weight))
-    return _OnLine(condition, tie, mul(const(2.0), z, weight)) if known else None
+    return _OnLine(condition, tie, mul(const(2.0), z, weight), matters)

@@ -19,10 +19,10 @@ from teg.errors import NotDifferentiableError, ParameterError
 from teg.ir import expr as ex
 from teg.ir import operands, simplify
 from teg.ir.arrays import Array, Gather, Placed, Ranged, Slope, StillGather, Sum, Unit, has_arrays, integers_of, open_indices, sum_over
-from teg.ir.cells import APART, Symbols, cellwise, rename_indices, replace_integers, replaced
+from teg.ir.cells import Symbols, cellwise, rename_indices, replace_integers, replaced
 from teg.ir.choices import Product, Winner
 from teg.ir.expr import MINUS_ONE, ONE, ZERO, Expr, Param, Var
-from teg.ir.index import ArrayName, IndexVar, index_leaves
+from teg.ir.index import APART, ArrayName, IndexVar, index_leaves
 from teg.ir.node import Node, postorder
 from teg.ir.partition import Partition, Pullback, SeenSum
 from teg.ir.show import show

@@ -37,6 +37,7 @@ from teg.ir.integral import Integral, integral_over
 from teg.ir.node import Node
 from teg.ir.simplify import add, call, conjunction, div, integer_power, mul, negation, positive, sub, where
 from teg.ir.traverse import fresh, rebuild, rewrite, rewrite_below, substitute
+from teg.ir.uncovered import TURN, marks_of
 from teg.passes.eliminate.implicit import Implicit, rewrite_implicit
 
 MAX_CONDITION = 1e6
@@ -48,6 +49,8 @@ MAX_ASPECT = 1e10
 LARGEST = 1e6
 """The largest size of an ellipse relative to its box: its points lose as many digits."""
 EIGHTH = math.pi / 4
+QUARTERS = (ONE, ZERO), (ZERO, ONE), (MINUS_ONE, ZERO), (ZERO, MINUS_ONE)
+"""The cosine and the sine of the angles around which the quarters of an ellipse lie."""
 
 
 Matrix = tuple[tuple[Expr, Expr], tuple[Expr, Expr]]
@@ -198,7 +201,8 @@ def rewrite_conic(g: Expr, coefficient: Expr, chain: Chain, data: Conic) -> Expr
         return rewrite_implicit(g, coefficient, chain, Implicit(data.variables))
     radius = call("sqrt", call("max", place.square, place.least))
     curve = _Ellipse(g, coefficient, (mine[0], mine[1]), data, place.centre, radius)
-    quarters = nest(where(place.exists, add(*(_quarter(curve, k) for k in range(4))), ZERO), others)
+    turns = [TURN] if marks_of(coefficient) else QUARTERS
+    quarters = nest(where(place.exists, add(*(_quarter(curve, turn) for turn in turns)), ZERO), others)
     if data.is_certain:
         return quarters
     charts = rewrite_implicit(g, coefficient, chain, Implicit(data.variables))
@@ -286,16 +290,16 @@ class _Ellipse:
         return {v: mul(self.radius, step) for v, step in zip(self.data.variables, steps, strict=True)}
 
 
-def _quarter(curve: _Ellipse, number: int) -> Expr:
-    """Returns the integral over the quarter around the angle number·π/2."""
+def _quarter(curve: _Ellipse, turn: tuple[Expr, Expr]) -> Expr:
+    """Returns the integral over the quarter around the angle whose cosine and sine are given."""
     g, coefficient, binders = curve.g, curve.coefficient, curve.binders
     taken = coefficient.free | g.free | {b.var for b in binders}
     angle, c, s = (fresh(name, taken) for name in ("φ", "cos φ", "sin φ"))
-    turned = (c, s), (mul(MINUS_ONE, s), c), (mul(MINUS_ONE, c), mul(MINUS_ONE, s)), (s, mul(MINUS_ONE, c))
-    at = curve.at(*turned[number])
-    coefficient, bases = _along_bases(curve, coefficient, turned[number])
+    point = sub(mul(turn[0], c), mul(turn[1], s)), add(mul(turn[1], c), mul(turn[0], s))
+    at = curve.at(*point)
+    coefficient, bases = _along_bases(curve, coefficient, point)
     value = restrict(coefficient, {**at, **bases}, g, (binders[1].var, binders[0].var))
-    offset = curve.offset(*turned[number])
+    offset = curve.offset(*point)
     for b in binders:  # relative to the centre: of a circle around a corner the half, however small it is
         lo, hi = (sub(cast(Expr, substitute(e, at)), curve.centre[b.var]) for e in (b.lo, b.hi))
         value = signed_inside(offset[b.var], lo, hi, g, b, value)

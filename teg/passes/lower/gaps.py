@@ -12,15 +12,15 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import cast
+from typing import NamedTuple, cast
 
+from teg.analysis.gates import gates_of
 from teg.analysis.isolation import Isolation, isolate
 from teg.analysis.roots import solve
 from teg.analysis.settings import Integration
 from teg.analysis.surfaces import atoms_of
-from teg.ir.expr import And, Compare, Cond, Expr, Param, Var
-from teg.ir.node import postorder
-from teg.ir.simplify import conjunction, nonzero_part
+from teg.ir.expr import ONE, And, Compare, Expr, Or, Param, Var
+from teg.ir.simplify import bracket, disjunction, nonzero_part
 from teg.passes.lower.emit import NAN, Emitter
 from teg.passes.lower.levels import Level
 from teg.passes.lower.roots import Roots
@@ -32,30 +32,16 @@ from teg.program.dce import without_dead_code
 
 def schedule_places(covered: Expr, tie: Expr, place: Var, parameters: Sequence[str], how: Integration) -> Program:
     """Returns the program of a candidate that covers a `place` where `covered` is 1. The last two parameters are the ends of the line."""
-    ends = Param.make(parameters[-2], ()), Param.make(parameters[-1], ())
-
-    def unexpected(*_: object) -> Arg:
-        raise AssertionError("whether a place is covered is no integral")
-
-    out = Emitter(parameters, cast("object", unexpected), unexpected)  # type: ignore[arg-type]
-    roots = Roots(out, lambda level, nodes: None, how.max_roots, how.tol)
-    top = Level(None, None, 0)
-    first, last = (out.number(end, top) for end in ends)
-    found: list[Arg] = []
+    line = _Line(place, parameters, how)
+    out, top = line.out, line.top
+    pieces = line.pieces(covered)
+    is_known = [out.assign(top, "ok", p) for p in pieces.found]
     functions = list(dict.fromkeys(atom.g for atom in atoms_of(covered, place)))
-    when = _applies(covered, place, out, top)
-    for g in functions:
-        found += _roots_of(g, place, ends, roots, top) or roots.isolated(_isolation(g, place, roots), *ends, top, when)
-    is_known = [out.assign(top, "ok", p) for p in found]
-    places = _ascending(out, top, [_inside(out, top, p, first, last) for p in found])
     flags: list[Arg] = []
     ties: list[Arg] = []
     doubts: list[Arg] = []
-    touch = out.assign(top, "mul", TOUCH, out.assign(top, "sub", last, first))
-    bounds = [first, *(out.assign(top, "min", p, last) for p in places), last]
-    for p, q in pairwise(bounds):
-        inside = out.assign(top, "add", p, out.assign(top, "mul", INSIDE, out.assign(top, "sub", q, p)))
-        level = Level(place, top, 1, names={place: inside}, block=top.block)
+    touch = out.assign(top, "mul", TOUCH, out.assign(top, "sub", line.last, line.first))
+    for p, q, level in pieces.levels:
         flags.append(out.number(covered, level))
         ties.append(out.number(tie, level))
         length = out.assign(top, "sub", q, p)
@@ -66,9 +52,80 @@ def schedule_places(covered: Expr, tie: Expr, place: Var, parameters: Sequence[s
     doubt: Arg = 0.0
     if doubts:
         doubt = out.assign(top, "select", out.assign(top, "or", *doubts) if len(doubts) > 1 else doubts[0], 1.0, 0.0)
-    called = tuple(Called(*f) for f in out.functions)
-    outputs = (*places, *flags, *ties, doubt)
-    return without_dead_code(Program(tuple(parameters), tuple(top.block), outputs, tuple(Tie(*t) for t in out.ties), called))
+    return line.program((*pieces.places, *flags, *ties, doubt))
+
+
+def schedule_matters(matters: Expr, place: Var, parameters: Sequence[str], how: Integration) -> Program:
+    """Returns the program of whether places of a line matter: above 0 if there may be one where `matters` is 1. What is joined by `and` is
+    looked at by itself: half a circle that is partly to the left of a box and for the rest above it counts. The last two parameters are the
+    ends of the line."""
+    line = _Line(place, parameters, how)
+    condition, _ = nonzero_part(matters)
+    found: Arg = 0.0
+    for case in condition.children if isinstance(condition, Or) else (condition,):
+        parts = cast("Sequence[Cond]", case.children if isinstance(case, And) else (case,))
+        several = [line.somewhere(part) for part in sorted(parts, key=lambda part: place in part.free)]
+        holds = several[-1]
+        for one in reversed(several[:-1]):
+            holds = line.out.assign(line.top, "select", line.out.assign(line.top, "gt0", one), holds, 0.0)
+        found = line.out.assign(line.top, "max", found, holds)
+    return line.program((found,))
+
+
+class _Pieces(NamedTuple):
+    """Places where a condition may change: as they are found, and ascending, +inf for those that are not there; and the pieces between
+    them, each with its ends and a level where the variable is a place inside of it."""
+
+    found: list[Arg]
+    places: list[Arg]
+    levels: list[tuple[Arg, Arg, Level]]
+
+
+class _Line:
+    """The flat program of a line, whose ends are the last two parameters."""
+
+    def __init__(self, place: Var, parameters: Sequence[str], how: Integration) -> None:
+        def unexpected(*_: object) -> Arg:
+            raise AssertionError("whether a place is covered is no integral")
+
+        self.place, self.parameters = place, tuple(parameters)
+        self.out = Emitter(parameters, cast("object", unexpected), unexpected)  # type: ignore[arg-type]
+        self.roots = Roots(self.out, lambda level, nodes: None, how.max_roots, how.tol)
+        self.top = Level(None, None, 0)
+        self.ends = Param.make(parameters[-2], ()), Param.make(parameters[-1], ())
+        self.first, self.last = (self.out.number(end, self.top) for end in self.ends)
+
+    def pieces(self, truth: Expr) -> _Pieces:
+        """Returns the places where a condition, as 1 or 0, may change."""
+        out, top, place = self.out, self.top, self.place
+        surfaces: dict[Expr, list[Compare]] = {}
+        for atom in atoms_of(truth, place):
+            surfaces.setdefault(atom.g, []).append(atom)
+        found: list[Arg] = []
+        for g, atoms in surfaces.items():
+            when = _applies(truth, atoms, out, top)
+            by_formulas = _roots_of(g, place, self.ends, self.roots, top)
+            if when is not None:
+                by_formulas = [out.assign(top, "select", when, p, math.inf) for p in by_formulas]
+            found += by_formulas or self.roots.isolated(_isolation(g, place, self.roots), *self.ends, top, when)
+        places = _ascending(out, top, [_inside(out, top, p, self.first, self.last) for p in found])
+        levels: list[tuple[Arg, Arg, Level]] = []
+        for p, q in pairwise([self.first, *(out.assign(top, "min", p, self.last) for p in places), self.last]):
+            inside = out.assign(top, "add", p, out.assign(top, "mul", INSIDE, out.assign(top, "sub", q, p)))
+            levels.append((p, q, Level(place, top, 1, names={place: inside}, block=top.block)))
+        return _Pieces(found, places, levels)
+
+    def somewhere(self, condition: Cond) -> Arg:
+        """Returns 1 if a condition holds on one of the pieces, else 0."""
+        truth, found = bracket(condition), cast(Arg, 0.0)
+        for _, _, level in self.pieces(truth).levels:
+            found = self.out.assign(self.top, "max", found, self.out.number(truth, level))
+        return found
+
+    def program(self, outputs: tuple[Arg, ...]) -> Program:
+        called = tuple(Called(*f) for f in self.out.functions)
+        ties = tuple(Tie(*t) for t in self.out.ties)
+        return without_dead_code(Program(self.parameters, tuple(self.top.block), outputs, ties, called))
 
 
 def _is_nearly_tied(out: Emitter, g: Expr, level: Level) -> Arg:
@@ -92,16 +149,13 @@ def _isolation(g: Expr, place: Var, roots: Roots) -> Isolation:
     return found
 
 
-def _may_tie(condition: Cond) -> bool:
-    return any(isinstance(n, Compare) and n.resolution is not None for n in postorder([condition]))
-
-
-def _applies(covered: Expr, place: Var, out: Emitter, top: Level) -> str | None:
-    """Returns a condition without which no place is covered: along its own edge a candidate is 0."""
-    condition, _ = nonzero_part(covered)
-    parts = condition.children if isinstance(condition, And) else (condition,)
-    outside = conjunction(*(c for c in cast("Sequence[Cond]", parts) if place not in c.free and not _may_tie(c)))
-    holds = out.truths(outside, top)[0]
+def _applies(covered: Expr, atoms: Sequence[Compare], out: Emitter, top: Level) -> str | None:
+    """Returns what must hold for the atoms of a function to matter, which may be 0 everywhere where it does not."""
+    outside, rest = nonzero_part(covered)
+    if rest is not ONE:
+        return None
+    gate = disjunction(*gates_of(outside, atoms))
+    holds = out.truths(gate, top)[0]
     return holds if isinstance(holds, str) else None
 
 

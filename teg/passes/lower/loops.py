@@ -17,10 +17,11 @@ from typing import cast
 from teg.errors import DeltaError
 from teg.ir import simplify, uncovered
 from teg.ir.arrays import Array, Gather, Placed, Ranged, Slope, Sum, Unit, open_indices
-from teg.ir.cells import APART, cell_leaves, replaced
+from teg.ir.cells import cell_leaves, replaced
 from teg.ir.choices import Product, Winner
-from teg.ir.expr import ONE, ZERO, Const, Expr, Param, Var
+from teg.ir.expr import ONE, TRUE, ZERO, Const, Expr, Param, Var
 from teg.ir.index import (
+    APART,
     ArrayName,
     Index,
     IndexArray,
@@ -72,7 +73,8 @@ Schedule = Callable[[Sequence[Expr], Sequence[str], Sequence[Expr]], Program]
 """Returns a flat program of scalar outputs, given these, the names of the parameters, and the integrals whose derivatives they may hold."""
 Places = Callable[[Sequence[Expr], Sequence[str], Var], Program]
 """Returns a flat program of the places where a candidate begins and ends to cover a line, which is a variable: given whether it covers it,
-and the same at ties, the names of the parameters, and the variable."""
+and the same at ties, the names of the parameters, and the variable. Of whether there is a place that matters, given where it does."""
+_BEGIN = Program(("some", "first", "last"), (Assign("b0", "gt0", ("p0",)), Assign("v0", "select", ("b0", "p1", "p2"))), ("v0",))
 FIRST_LAST = Param.make(f"{APART}first", ()), Param.make(f"{APART}last", ())
 """The ends of a line, for these programs."""
 Output = Expr | tuple[Array, Expr]
@@ -318,7 +320,7 @@ class _ArrayScheduler:
             shared.setdefault(node.shared, []).append(node)
         for group in shared.values():
             node = group[0]
-            first, last = self._cell(level, cast("Sequence[Expr]", node.children[:2]))
+            first, last = self._ends(group, level)
             inner, gap = _Level(level.depth + 1, node.index, level), _Level(level.depth + 1, None, level)
             index, (left, right) = self._fresh("i", inner), (self._fresh("v", gap) for _ in node.ends)
             inner.names.update({node.index: index, FIRST_LAST[0]: first, FIRST_LAST[1]: last})
@@ -330,6 +332,18 @@ class _ArrayScheduler:
             loop = Gaps(index, *bounds, tuple(inner.steps), values, results, node.index.name.split(APART)[0])
             level.steps.append(replace(loop, first=first, last=last, left=left, right=right, inside=tuple(gap.steps), terms=terms))
             level.names.update(zip(group, results, strict=True))
+
+    def _ends(self, group: Sequence[uncovered.Gaps], level: _Level) -> tuple[Arg, Arg]:
+        """Returns the ends of a line, which is a point where no place matters."""
+        first, last = self._cell(level, cast("Sequence[Expr]", group[0].children[:2]))
+        matters = simplify.disjunction(*(simplify.nonzero_part(n.matters)[0] for n in group))
+        if matters is TRUE:
+            return first, last
+        level.names.update({FIRST_LAST[0]: first, FIRST_LAST[1]: last})
+        (some,) = self._flat(level, [simplify.bracket(matters)], line=group[0].variable)
+        begin = self._fresh("v", level)
+        level.steps.append(Run(_BEGIN, (some, first, last), (begin,)))
+        return begin, last
 
     def _bound(self, level: _Level | None) -> Iterable[IndexVar]:
         while level is not None:

@@ -18,9 +18,10 @@ from collections.abc import Collection, Mapping
 from typing import NamedTuple, cast
 
 from teg.ir.arrays import Gather, Sum, integers_of, open_indices, sum_over
-from teg.ir.cells import APART, replace_integers
+from teg.ir.cells import replace_integers
 from teg.ir.expr import Expr
 from teg.ir.index import (
+    APART,
     Index,
     IndexArray,
     IndexConst,

@@ -19,9 +19,21 @@ from teg.analysis.calculus import slope
 from teg.analysis.polynomial import Point, Shadow
 from teg.errors import NotDifferentiableError
 from teg.ir.arrays import Gather, Ranged, integers_of, open_indices
-from teg.ir.cells import APART, Symbols, cell_leaves, replace_integers, replaced
+from teg.ir.cells import Symbols, cell_leaves, replace_integers, replaced
 from teg.ir.expr import ZERO, Add, Const, Expr, Var, const
-from teg.ir.index import ArrayName, Index, IndexGather, IndexValue, IndexVar, Length, free_indices, index_call, index_const, index_leaves
+from teg.ir.index import (
+    APART,
+    ArrayName,
+    Index,
+    IndexGather,
+    IndexValue,
+    IndexVar,
+    Length,
+    free_indices,
+    index_call,
+    index_const,
+    index_leaves,
+)
 from teg.ir.node import Node, postorder
 from teg.ir.partition import Partition
 from teg.ir.simplify import add, mul, sub

@@ -12,16 +12,21 @@ from collections.abc import Sequence
 from typing import cast
 
 from teg.analysis.tails import is_unbounded
-from teg.ir.arrays import Sum
-from teg.ir.cells import indices_apart
-from teg.ir.choices import CHOICES, AnyOf
-from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Expr, Var
+from teg.ir.arrays import Sum, sum_over
+from teg.ir.cells import indices_apart, replace_integers
+from teg.ir.choices import CHOICES, NOTHING, AnyOf, is_nothing
+from teg.ir.expr import MINUS_ONE, ONE, TRUE, ZERO, Add, Cond, Expr, Var, const
+from teg.ir.index import APART, Index, IndexVar
 from teg.ir.integral import Integral, integral_over
-from teg.ir.node import postorder
-from teg.ir.simplify import add, mul, sub, where
+from teg.ir.node import Node, postorder
+from teg.ir.operands import as_number, less
+from teg.ir.simplify import add, call, conjunction, disjunction, integer_power, mul, negation, positive, sub, where
 from teg.ir.uncovered import Uncovered
-from teg.passes.normalise.partitions import Refused, one_choice
+from teg.passes.normalise.partitions import Choice, Refused, one_choice
 
+NO_AREA = 1e-13
+"""What part of a box may be free, by rounding, where candidates cover all of it."""
+Over = tuple[IndexVar, Index, Index]
 Bounds = Sequence[tuple[Var, Expr, Expr]]
 
 
@@ -51,12 +56,48 @@ def _term(body: Expr, bounds: Bounds) -> Expr:
     if any(isinstance(n, Integral | Sum) and n.free for n in postorder([body])):
         raise Refused("an integral or a sum stands beside it")
     choice = one_choice(indices_apart(body))
+    if isinstance(choice.over, AnyOf):
+        free = _uncovered(_range_of(choice), choice.condition, sub(choice.value, choice.otherwise), bounds)
+        return add(_nest(choice.value, bounds), mul(MINUS_ONE, free))
+    return _of_nearest(choice, bounds)
+
+
+def _uncovered(over: Over, condition: Cond, body: Expr, bounds: Bounds, within: Cond = TRUE) -> Expr:
+    children = condition, within, body, *(end for _, lo, hi in bounds for end in (lo, hi))
+    return cast(Expr, Uncovered.make((*over, tuple(x for x, _, _ in bounds)), children))
+
+
+def _of_nearest(choice: Choice, bounds: Bounds) -> Expr:
+    """Returns the integral as a sum over candidates k, each where it holds and no other one, j, wins over it."""
     over = choice.over
-    if not isinstance(over, AnyOf):
-        raise Refused("it is more than whether there is a candidate")
-    children = choice.condition, sub(choice.value, choice.otherwise), *(end for _, lo, hi in bounds for end in (lo, hi))
-    free = Uncovered.make((over.index, over.lo, over.hi, tuple(x for x, _, _ in bounds)), children)
-    return add(_nest(choice.value, bounds), mul(MINUS_ONE, cast(Expr, free)))
+    name = over.index.name.split(APART)[0]
+    j, k = (IndexVar.make(f"{name}{APART}{role}", ()) for role in ("rival", "winner"))
+    value, key, condition = (replace_integers(e, {over.index: k}) for e in (choice.value, choice.key, cast(Expr, choice.condition)))
+    rival_key, rival_condition = (replace_integers(e, {k: j}) for e in (key, condition))
+    distance = sub(as_number(j), as_number(k))
+    other, before = positive(sub(integer_power(distance, 2), const(0.25))), less(distance, ZERO, True)
+    wins = disjunction(less(rival_key, key, True), conjunction(before, less(rival_key, key, False)))
+    there = cast(Cond, cast(Node, rival_condition))
+    covers = disjunction(conjunction(other, there, wins), conjunction(negation(other), negation(there)))
+    whole = _uncovered((j, over.lo, over.hi), covers, value, bounds, cast(Cond, cast(Node, condition)))
+    total = sum_over(whole, k, over.lo, over.hi)
+    return add(total, _otherwise(choice, bounds))
+
+
+def _range_of(choice: Choice) -> Over:
+    return choice.over.index, choice.over.lo, choice.over.hi
+
+
+def _otherwise(choice: Choice, bounds: Bounds) -> Expr:
+    """Returns the integral over what no candidate covers: not a number if a place is there and nothing to be chosen."""
+    if choice.condition is TRUE:
+        length = sub(*(as_number(end) for end in (choice.over.hi, choice.over.lo)))
+        return where(positive(length), ZERO, _nest(choice.otherwise, bounds))
+    if not any(is_nothing(cast(Expr, n)) for n in postorder([choice.otherwise])):
+        return _uncovered(_range_of(choice), choice.condition, choice.otherwise, bounds)
+    box = mul(*(call("magnitude", sub(hi, lo)) for _, lo, hi in bounds))
+    free = call("magnitude", _uncovered(_range_of(choice), choice.condition, ONE, bounds))
+    return where(positive(sub(free, mul(const(NO_AREA), box))), NOTHING, ZERO)
 
 
 def written(node: Uncovered) -> Expr:
