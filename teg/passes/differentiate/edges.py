@@ -78,6 +78,8 @@ def along_edges(root: Expr, derive: Derive) -> dict[Node, Expr]:
 
 
 def _value(node: Uncovered, derive: Derive) -> Expr:
+    if len(node.variables) == 1:
+        return _over_interval(node)
     (y, x), ((low, high), (lo, hi)) = node.variables, node.bounds
     length = sub(hi, lo)
     far = add(hi, mul(const(BEYOND), length))
@@ -95,6 +97,15 @@ def _value(node: Uncovered, derive: Derive) -> Expr:
     for edges in zip(*(edges_of(part, weight, SHIFT) for part, weight in parts), strict=True):
         terms.append(sum_over(_along_lines(add(*edges), derive), node.index, node.lo, node.hi))
     return add(*terms)
+
+
+def _over_interval(node: Uncovered) -> Expr:
+    """Returns an integral over one variable, over the gaps that candidates leave. A function that ties along it is 0 everywhere."""
+    (x,), ((lo, hi),) = node.variables, node.bounds
+    as_written = {cast(Node, a): cast(Expr, FALSE if a.strict else TRUE) for a in atoms_of(node.condition)}
+    (tie,) = replaced([bracket(node.condition)], as_written)
+    over = node.index, node.lo, node.hi
+    return _over_gaps(Integral.make(x, (node.body, lo, hi)), _Around(over, _placed(node.condition, {x: x}), tie), node.body)
 
 
 def _along_lines(e: Expr, derive: Derive) -> Expr:
@@ -265,7 +276,7 @@ def with_gaps(e: Expr, derive: Derive) -> Expr:
             inner = [n for n in postorder([node.body]) if isinstance(n, Integral) and marks_of(n)]
             return _of_nest(node, inner, derive) if inner else _of_integral(node)
         if isinstance(node, Apply) and marks_of(node)[-1:] == [node]:
-            raise Refused("a corner of the box moves over candidates")
+            return _at_point(node)
         return None
 
     return _over_quarters(cast(Expr, rewrite_below([e], replacement)[e]))
@@ -322,14 +333,23 @@ def _of_integral(node: Integral) -> Expr:
     for mark in marks:
         (with_it,) = replaced([node.body], {m: ONE if m is mark else ZERO for m in marks})
         weight = with_it if rest is ZERO else sub(with_it, rest)
-        around, variables = cast(Slot, mark.callee).data[4]
-        if any(mark.derivative):
-            raise Refused("an edge has no chart")
-        at = dict(zip(variables, mark.children, strict=True))
-        tie, within = (substitute(e, at) for e in (around.tie, around.within))
-        placed = _Around(around.over, _placed(around.condition, at), cast(Expr, tie), cast(Cond, within))
-        terms.append(_over_gaps(node, placed, weight))
+        terms.append(_over_gaps(node, _around(mark), weight))
     return add(*terms)
+
+
+def _at_point(mark: Apply) -> Expr:
+    """Returns 1 where nothing covers a point, else 0: the length of what is not covered of a line on which nothing changes."""
+    s = fresh("s", mark.free)
+    return _over_gaps(Integral.make(s, (ONE, ZERO, ONE)), _around(mark), ONE)
+
+
+def _around(mark: Apply) -> _Around:
+    """Returns what may cover the place of a mark."""
+    if any(mark.derivative):
+        raise Refused("an edge has no chart")
+    around, variables = cast(Slot, mark.callee).data[4]
+    at = dict(zip(variables, mark.children, strict=True))
+    return _Around(around.over, _placed(around.condition, at), cast(Expr, substitute(around.tie, at)), _placed(around.within, at))
 
 
 def _of_nest(node: Integral, inner: Sequence[Integral], derive: Derive) -> Expr:

@@ -19,7 +19,7 @@ from teg.analysis.isolation import Isolation, isolate
 from teg.analysis.roots import solve
 from teg.analysis.settings import Integration
 from teg.analysis.surfaces import atoms_of
-from teg.ir.expr import ONE, And, Compare, Expr, Or, Param, Var
+from teg.ir.expr import ONE, And, Compare, Cond, Expr, Or, Param, Var
 from teg.ir.simplify import bracket, disjunction, nonzero_part
 from teg.passes.lower.emit import NAN, Emitter
 from teg.passes.lower.levels import Level
