@@ -17,7 +17,7 @@ from typing import Any, cast
 from teg.analysis.kinks import value_nodes
 from teg.analysis.singularities import is_singular
 from teg.errors import ArrayIndexError
-from teg.ir.arrays import Ranged, sum_over
+from teg.ir.arrays import Ranged, Sum, open_indices, sum_over
 from teg.ir.cells import rename_indices, replaced
 from teg.ir.choices import CHOICES, AnyOf, Nearest, Product, Winner
 from teg.ir.expr import ONE, TRUE, ZERO, Call, Cond, Expr, Mul, Where, const
@@ -69,9 +69,23 @@ def _over_uncovered(closed: Integral, edges: bool) -> Expr | None:
 
 def without_uncovered(root: Expr, reason: str) -> Expr:
     """Returns the program with the candidates of integrals over what they do not cover written out. Raises as `without_choices` does."""
+    root = rename_indices(_with_owners_written(root, reason))
     new: dict[Node, Expr] = {n: _written_out(written(n), reason) for n in postorder([root]) if isinstance(n, Uncovered)}
     (root,) = replaced([root], new)
     return rename_indices(root)
+
+
+def _with_owners_written(root: Expr, reason: str) -> Expr:
+    """Returns the program with sums over candidates, of what no other candidate covers, written out as their terms: a candidate is then
+    compared with others only."""
+    opened = open_indices(root)
+    new: dict[Node, Expr] = {}
+    for node in postorder([root]):
+        inside = [n for n in postorder([node]) if isinstance(n, Uncovered)] if isinstance(node, Sum) else []
+        if isinstance(node, Sum) and any((n.lo, n.hi) == (node.lo, node.hi) and node.index in opened[n] for n in inside):
+            places = (at_place(node, j) for j in range(_places(node, reason)))
+            new[node] = add(*(where(there, cast(Expr, body), ZERO) for there, (body,) in places))
+    return replaced([root], new)[0]
 
 
 def has_choices(root: Node, inside: bool = False) -> bool:
@@ -218,7 +232,7 @@ def _places(node: Ranged, reason: str) -> int:
     if most is None:
         raise NeedsLengths(node)
     if most > MOST_WRITTEN[type(node)]:
-        what = {Nearest: "nearest", AnyOf: "any or all", Product: "product"}[type(node)]
+        what = {Nearest: "nearest", Sum: "nearest", AnyOf: "any or all", Product: "product"}[type(node)]
         hint = "affine conditions and keys, and polynomials, over a box of one or two variables are loops over any number of candidates; "
         hint += "of others, give every box the list of those that reach into it"
         text = f"this {what} must be written out ({reason}), and has {most} candidates; {MOST_WRITTEN[type(node)]} at most"

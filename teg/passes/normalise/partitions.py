@@ -37,7 +37,7 @@ NOTHING = 1e-140
 """What is taken from the form of an open condition: 0 everywhere is below 0 then, and other forms do not feel it. Its square is more
 than 0."""
 KEY_DEGREE = 4
-MOST_WRITTEN: dict[type, int] = {Nearest: 24, AnyOf: 256, Product: 256}
+MOST_WRITTEN: dict[type, int] = {Nearest: 24, Sum: 24, AnyOf: 256, Product: 256}
 """The longest ranges that are written out."""
 
 
