@@ -13,7 +13,7 @@ Beyond the upper bound A is 0, and h is a little beyond it: a disk that touches 
 length is the root of a rounding.
 
 Ties. Where the border of another candidate runs along an edge, candidates count as blown up a little, those of lower index more: of
-equal edges the first one is seen, edges from opposite sides hide each other.
+equal edges the first one is seen, edges from opposite sides hide each other. Two surfaces of one candidate may be on the line.
 
 Cost: one term a program, however many candidates there are.
 """
@@ -57,6 +57,8 @@ BEYOND = 0.0291
 SHOWN = 60
 MOST_PLACES = 8
 """The largest number of places where the border of one candidate may cross an edge of another one."""
+NEAR = 1e-9
+"""How near to a surface, as a part of the size of the box, places are on it where borders run along each other."""
 QUICK = 2
 """The largest degree of polynomials of which it is looked at whether an edge is seen at all."""
 LEFT, RIGHT = Param.make(f"{APART}left", ()), Param.make(f"{APART}right", ())
@@ -126,12 +128,10 @@ def _seen(around: _Around, variables: Sequence[Var]) -> Expr:
 def _before(node: Uncovered, x: Var, hi: Expr, length: Expr) -> _Around:
     """Returns what covers the places just before the upper bound of the inner variable."""
 
-    def truth(surface: _Surface) -> Cond:
-        return _holding(node.condition, surface, positive(mul(MINUS_ONE, length, _slope(surface.g, x))))
-
+    beside = _beside(node.condition, node, lambda g: mul(MINUS_ONE, length, _slope(g, x)))
     at = {x: hi}
     condition = _placed(node.condition, at)
-    tie = cast(Expr, substitute(_at_tie(node.condition, truth, node.variables), at))
+    tie = cast(Expr, substitute(bracket(beside), at))
     return _Around((node.index, node.lo, node.hi), condition, tie, cast(Cond, substitute(node.within, at)))
 
 
@@ -183,15 +183,22 @@ def _others(node: Uncovered, edge: _Surface) -> _Around:
     distance = sub(as_number(j), as_number(k))
     different = positive(sub(integer_power(distance, 2), const(0.25)))
 
-    def truth(other: _Surface) -> Cond:
-        sides = _sides(theirs, other)
-        dot = add(*(mul(_slope(edge.g, v), _slope(other.g, v)) for v in variables))
-        same = positive(mul(dot, _sense(node.condition, edge), _sense(theirs, other)))
-        wider = disjunction(negation(same), less(distance, ZERO, True))
-        return disjunction(conjunction(*sides), conjunction(disjunction(*sides), wider))
+    sense, lengths = _sense(node.condition, edge), add(*(integer_power(sub(hi, lo), 2) for lo, hi in node.bounds))
 
-    tie = where(different, _at_tie(theirs, truth, variables), ZERO)
+    def covering(sign: Expr) -> Cond:
+        return _beside(theirs, node, lambda g: mul(sign, sense, _dot(edge, _Surface(g, ()), variables)))
+
+    nothing = [_is_opposite(node, edge, own, sense, lengths) for own in _surfaces(node.condition, variables) if own.g is not edge.g]
+    wider = conjunction(covering(ONE), less(distance, ZERO, True))
+    tie = bracket(conjunction(different, disjunction(covering(MINUS_ONE), wider, *nothing)))
     return _Around((j, node.lo, node.hi), conjunction(different, theirs), tie, node.within)
+
+
+def _is_opposite(node: Uncovered, edge: _Surface, other: _Surface, sense: Expr, lengths: Expr) -> Cond:
+    """Returns whether another surface of a candidate runs along its edge, and the candidate covers neither side there, or both: its two
+    edges cancel, if both are seen or none is."""
+    turned = mul(sense, _sense(node.condition, other), _dot(edge, other, node.variables))
+    return conjunction(_on_line(other, node.variables, lengths), positive(mul(MINUS_ONE, turned)))
 
 
 class _Surface(NamedTuple):
@@ -231,27 +238,27 @@ def _sense(condition: Cond, surface: _Surface) -> Expr:
     return where(with_it, ONE, MINUS_ONE)
 
 
-def _at_tie(condition: Cond, truth: Callable[[_Surface], Cond], variables: Sequence[Var]) -> Expr:
-    """Returns a condition, as 1 or 0, where a surface of it is 0 all along a line: the nearest one has a `truth` for the condition.
-
-    A function that is 0 everywhere has no line: there atoms hold as they are written, g >= 0 and not g > 0.
-    """
-    surfaces = _surfaces(condition, variables)
-    value: Expr = bracket(condition)
-    nearest: Expr | None = None
+def _beside(condition: Cond, node: Uncovered, ahead: Callable[[Expr], Expr]) -> Cond:
+    """Returns a condition beside a line on which surfaces of it are: there the functions of these have the signs of `ahead`."""
+    lengths = add(*(integer_power(sub(hi, lo), 2) for lo, hi in node.bounds))
+    surfaces = _surfaces(condition, node.variables)
+    truths: dict[Node, Expr] = {}
     for surface in surfaces:
-        steepness = add(*(integer_power(_slope(surface.g, v), 2) for v in variables))
-        distance = mul(integer_power(surface.g, 2), integer_power(steepness, -1)) if len(surfaces) > 1 else ZERO
-        settled: Expr = bracket(truth(surface))
-        if len(surface.atoms) > 1:
-            as_written = {cast(Node, a): cast(Expr, FALSE if a.strict else TRUE) for a in surface.atoms}
-            (everywhere,) = replaced([cast(Expr, condition)], as_written)
-            is_line = positive(steepness)
-            settled, distance = where(is_line, settled, bracket(cast(Cond, cast(Node, everywhere)))), where(is_line, distance, ZERO)
-        closer = TRUE if nearest is None else positive(sub(nearest, distance))
-        value = where(closer, settled, value)
-        nearest = distance if nearest is None else where(closer, distance, nearest)
-    return value
+        on_line = TRUE if len(surfaces) == 1 else _on_line(surface, node.variables, lengths)
+        sign = conjunction(on_line, positive(ahead(surface.g)))
+        for atom in surface.atoms:
+            truths[atom] = cast(Expr, disjunction(sign, conjunction(negation(on_line), atom)))
+    return cast(Cond, replaced([cast(Expr, condition)], truths)[0])
+
+
+def _on_line(surface: _Surface, variables: Sequence[Var], lengths: Expr) -> Cond:
+    """Returns whether places are on a surface, as far as can be told; `lengths` is the square of the size of the box."""
+    return less(integer_power(surface.g, 2), mul(const(NEAR**2), lengths, _dot(surface, surface, variables)), True)
+
+
+def _dot(a: _Surface, b: _Surface, variables: Sequence[Var]) -> Expr:
+    """Returns the product of the gradients of two surfaces."""
+    return add(*(mul(_slope(a.g, v), _slope(b.g, v)) for v in variables))
 
 
 def _slope(g: Expr, x: Var) -> Expr:

@@ -29,6 +29,10 @@ from teg.program import INSIDE, TIE_EPS, Arg, Called, Program, Tie
 from teg.program.arrays import TOUCH
 from teg.program.dce import without_dead_code
 
+LEAST_TOUCH = 1e-11
+"""The least length, as a part of that of its line, of a piece on which it matters that borders nearly touch: where they cross in the corner
+of a mesh, rounding makes pieces that are shorter."""
+
 
 def schedule_places(covered: Expr, tie: Expr, place: Var, parameters: Sequence[str], how: Integration) -> Program:
     """Returns the program of a candidate that covers a `place` where `covered` is 1. The last two parameters are the ends of the line."""
@@ -40,12 +44,17 @@ def schedule_places(covered: Expr, tie: Expr, place: Var, parameters: Sequence[s
     flags: list[Arg] = []
     ties: list[Arg] = []
     doubts: list[Arg] = []
-    touch = out.assign(top, "mul", TOUCH, out.assign(top, "sub", line.last, line.first))
+    touch, least = (out.assign(top, "mul", part, out.assign(top, "sub", line.last, line.first)) for part in (TOUCH, LEAST_TOUCH))
     for p, q, level in pieces.levels:
         flags.append(out.number(covered, level))
         ties.append(out.number(tie, level))
         length = out.assign(top, "sub", q, p)
-        short = out.assign(top, "and", out.assign(top, "gt0", length), out.assign(top, "gt0", out.assign(top, "sub", touch, length)))
+        short = out.assign(
+            top,
+            "and",
+            out.assign(top, "gt0", out.assign(top, "sub", length, least)),
+            out.assign(top, "gt0", out.assign(top, "sub", touch, length)),
+        )
         doubts += [out.assign(top, "and", short, _is_nearly_tied(out, g, level)) for g in functions]
     if is_known:
         flags[0] = out.assign(top, "select", out.assign(top, "and", *is_known) if len(is_known) > 1 else is_known[0], flags[0], NAN)

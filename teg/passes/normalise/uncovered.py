@@ -11,19 +11,28 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import cast
 
+from teg.analysis.calculus import slope
+from teg.analysis.polynomial import Shadow
 from teg.analysis.tails import is_unbounded
 from teg.ir.arrays import Sum, sum_over
-from teg.ir.cells import indices_apart, replace_integers
+from teg.ir.cells import Symbols, indices_apart, replace_integers
 from teg.ir.choices import CHOICES, NOTHING, AnyOf, is_nothing
-from teg.ir.expr import MINUS_ONE, ONE, TRUE, ZERO, Add, Cond, Expr, Var, const
+from teg.ir.expr import MINUS_ONE, ONE, TRUE, ZERO, Add, Compare, Cond, Expr, Var, const
 from teg.ir.index import APART, Index, IndexVar
 from teg.ir.integral import Integral, integral_over
 from teg.ir.node import Node, postorder
 from teg.ir.operands import as_number, less
 from teg.ir.simplify import add, call, conjunction, disjunction, integer_power, mul, negation, positive, sub, where
+from teg.ir.still import with_still_parameters
+from teg.ir.traverse import rewrite, substitute
 from teg.ir.uncovered import Uncovered
+from teg.passes.normalise.partitions import NOTHING as NO_FORM
 from teg.passes.normalise.partitions import Choice, Refused, one_choice
 
+PLACES = (0.2137, 0.3719), (0.5773, 0.8419), (0.8081, 0.1253)
+"""Where in a box it is looked at whether two keys are the same function but for a number, as parts of its lengths."""
+SAME, LEAST = 2.0**-36, 1e-290
+"""Keys that differ by a number, by less than this part of their sizes or by less than the second of these, are the same."""
 NO_AREA = 1e-13
 """What part of a box may be free, by rounding, where candidates cover all of it."""
 Over = tuple[IndexVar, Index, Index]
@@ -56,6 +65,7 @@ def _term(body: Expr, bounds: Bounds) -> Expr:
     if any(isinstance(n, Integral | Sum) and n.free for n in postorder([body])):
         raise Refused("an integral or a sum stands beside it")
     choice = one_choice(indices_apart(body))
+    choice = choice._replace(condition=_without_zeros(choice.condition, [x for x, _, _ in bounds]))
     if isinstance(choice.over, AnyOf):
         free = _uncovered(_range_of(choice), choice.condition, sub(choice.value, choice.otherwise), bounds)
         return add(_nest(choice.value, bounds), mul(MINUS_ONE, free))
@@ -76,12 +86,38 @@ def _of_nearest(choice: Choice, bounds: Bounds) -> Expr:
     rival_key, rival_condition = (replace_integers(e, {k: j}) for e in (key, condition))
     distance = sub(as_number(j), as_number(k))
     other, before = positive(sub(integer_power(distance, 2), const(0.25))), less(distance, ZERO, True)
-    wins = disjunction(less(rival_key, key, True), conjunction(before, less(rival_key, key, False)))
+    wins = less(rival_key, add(key, _favour(rival_key, key, before, bounds)), True)
     there = cast(Cond, cast(Node, rival_condition))
     covers = disjunction(conjunction(other, there, wins), conjunction(negation(other), negation(there)))
     whole = _uncovered((j, over.lo, over.hi), covers, value, bounds, cast(Cond, cast(Node, condition)))
     total = sum_over(whole, k, over.lo, over.hi)
     return add(total, _otherwise(choice, bounds))
+
+
+def _without_zeros(condition: Cond, variables: Sequence[Var]) -> Cond:
+    """Returns a condition whose affine functions are not 0 everywhere, as those of rows of zeros are: g > 0 does not hold there."""
+
+    shadow = Shadow(tuple(variables))
+
+    def visit(_: Node, new: Node) -> Node:
+        if not isinstance(new, Compare) or new.free.isdisjoint(variables) or shadow.degree(Symbols().into([new.g])[0]) != 1:
+            return new
+        return positive(add(new.g, const(-NO_FORM if new.strict else NO_FORM)), new.strict, new.resolution, new.rivals)
+
+    return cast(Cond, rewrite([condition], visit)[condition])
+
+
+def _favour(rival: Expr, key: Expr, before: Cond, bounds: Bounds) -> Expr:
+    """Returns by how much a rival may lose and win nevertheless: the lower of two indices whose keys are the same function. So keys that
+    do not depend on variables are compared as they are, and others have no surface where their difference is 0 everywhere."""
+    variables = [x for x, _, _ in bounds]
+    difference, steepness, sizes = sub(rival, key), cast("list[Expr]", []), [cast(Expr, const(LEAST))]
+    for part in PLACES:
+        at = {x: add(lo, mul(const(part), sub(hi, lo))) for part, (x, lo, hi) in zip(part, bounds, strict=False)}
+        steepness += [integer_power(cast(Expr, substitute(slope(difference, x), at)), 2) for x in variables]
+        sizes += [call("magnitude", cast(Expr, substitute(e, at))) for e in (rival, key)]
+    same = negation(positive(add(*steepness)))
+    return with_still_parameters(where(same, mul(where(before, ONE, MINUS_ONE), const(SAME), add(*sizes)), ZERO))
 
 
 def _range_of(choice: Choice) -> Over:
