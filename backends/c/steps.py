@@ -199,7 +199,7 @@ class StepPrinter(CellPrinter):
         at, count = f"{step.results[0]}_gaps", f"{step.results[0]}_count"
         first, last = (spelled(end) if isinstance(end, str) else literal(float(end)) for end in (step.first, step.last))
         given = ", ".join(spelled(v) if isinstance(v, str) else literal(float(v)) for v in step.values)
-        hi = spelled(step.hi)
+        lo = spelled(step.lo)
         candidate = [
             "if (teg_stopped(pace)) break;",
             *self._block(step.body, depth + 1),
@@ -214,7 +214,8 @@ class StepPrinter(CellPrinter):
         ]
         return [
             f"teg_gaps {at} = {{{first}, {last}, NULL, 0, 0, isnan({first}) || isnan({last}), 0, 0, 0}};",
-            f"for (int64_t {step.index} = {first} < {last} ? {spelled(step.lo)} : {hi}; {step.index} < {hi} && !{at}.closed; {step.index}++) {{",
+            f"const int64_t {count}_end = {first} < {last} ? {spelled(step.hi)} : {lo};",
+            f"for (int64_t {step.index} = {lo}; {step.index} < {count}_end && !{at}.closed; {step.index}++) {{",
             *indent(*candidate),
             "}",
             f"const int64_t {count} = teg_find_gaps(&{at});",

@@ -177,9 +177,10 @@ class Running:
         for name, row in zip(step.results, outcome.values, strict=True):
             lanes.values[name] = row[0] if shared and count else row
 
-    def _iterations(self, step: Loop, lanes: Lanes) -> Iterator[tuple[Lanes, Array]]:
-        """Runs the iterations of a loop on lanes, block by block; yields these lanes, and the outer lane of each."""
+    def _iterations(self, step: Loop, lanes: Lanes, only: Array | None = None) -> Iterator[tuple[Lanes, Array]]:
+        """Runs the iterations of a loop on lanes, block by block, on `only` some; yields these, and the outer lane of each."""
         lo, hi = (np.broadcast_to(lane_values(a, lanes), (lanes.size,)) for a in (step.lo, step.hi))
+        hi = hi if only is None else np.where(only, hi, lo)
         ends = np.cumsum(hi - lo)
         first = ends - (hi - lo)
         outer, listed = self._listed(step, lanes) if step.listed >= 0 else (None, None)
@@ -241,7 +242,7 @@ class Running:
         first, last = (_numbers(end, lanes) for end in (step.first, step.last))
         found = [(np.zeros(0, np.int64), np.zeros(0), np.zeros(0))]
         lost, doubtful = np.isnan(first) | np.isnan(last), np.zeros(lanes.size)
-        for inside, parent in self._iterations(step, lanes):
+        for inside, parent in self._iterations(step, lanes, first < last):
             values = np.stack([_numbers(v, inside) for v in step.values])
             doubtful += np.bincount(parent, weights=values[-1] > 0.0, minlength=lanes.size)
             lane, covered = covered_by(values, first[parent], last[parent])

@@ -151,7 +151,8 @@ class Gaps(Loop):
 
     A tie on a piece shorter than TOUCH·(last - first), where borders only touch, is as the piece before it that is none, or else the piece
     behind it. Pieces and gaps (p, q) thinner than PIECE_EPS·max(|p|, |q|) are left out. Every result is NaN if first, last, a place, or
-    whether a piece is covered is; 0 if first >= last.
+    whether a piece is covered is; 0 if first >= last, where no iteration is run. Iterations behind one that
+    covers all of the line need not be.
     """
 
     values: Annotated[tuple[Arg, ...], Operand(at="body")]

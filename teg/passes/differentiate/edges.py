@@ -1,10 +1,12 @@
-"""Integrals over what no candidate covers, as integrals along the edges of the candidates: `teg.any` of smooth regions, however many.
+"""Integrals over what no candidate covers, as integrals along the edges of the candidates: choices among smooth regions, however many.
 
     m(x, y) = [no candidate covers (x, y)],     ∂m/∂x = -Σ_k m_k·∂[c_k]/∂x,     m_k = [no other candidate covers]
 
     ∫∫ A·m dx dy        =  ∫ F(h, y)·m(h, y) dy + Σ_k ∫∫ F·m_k·∂[c_k]/∂x dx dy      ∂F/∂x = A, F = 0 at the lower bound
     ∂/∂t of ∫∫ A·m      =  ∫∫ ∂A/∂t·m - Σ_k ∫∫ A·m_k·∂[c_k]/∂t
     ∫ A(s)·m(s) ds      =  Σ over the gaps between covered intervals of ∫ A ds                                         `Gaps`
+
+The nearest of candidates is one such integral a candidate, over where that holds and none of the others wins over it.
 
 ∂[c_k] holds δ, so what is left are integrals along edges, in one variable s, in which candidates cover intervals. The passes eliminate δ
 without knowing what m is: a function of the coordinates without a body (`Slot`), in whose place the gaps come afterwards.
@@ -15,38 +17,36 @@ length is the root of a rounding.
 Ties. Where the border of another candidate runs along an edge, candidates count as blown up a little, those of lower index more: of
 equal edges the first one is seen, edges from opposite sides hide each other. Two surfaces of one candidate may be on the line.
 
+A box of one variable is a line, whose gaps are the value; its edges are points, and whether something covers one is told by a line on
+which nothing changes.
+
 Cost: one term a program, however many candidates there are.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple, cast
 
 from teg.analysis.antiderivative import integrated
 from teg.analysis.calculus import slope
 from teg.analysis.gates import gates_of
-from teg.analysis.half_angle import in_half_angle
-from teg.analysis.isolation import isolate
-from teg.analysis.polynomial import Shadow
-from teg.analysis.roots import solve
-from teg.analysis.surfaces import atoms_of, ordered
-from teg.analysis.tails import is_unbounded
+from teg.analysis.surfaces import atoms_of
 from teg.errors import NotDifferentiableError
 from teg.ir.arrays import sum_over
 from teg.ir.cells import Symbols, replace_integers, replaced
-from teg.ir.expr import FALSE, MINUS_ONE, ONE, TRUE, ZERO, Add, And, Compare, Cond, Const, Expr, Mul, Param, Var, Where, const
+from teg.ir.expr import FALSE, MINUS_ONE, ONE, TRUE, ZERO, Add, Compare, Cond, Expr, Mul, Param, Var, Where, const
 from teg.ir.function import Apply, Slot
-from teg.ir.index import APART, Index, IndexVar, index_const
+from teg.ir.index import APART, IndexVar, index_const
 from teg.ir.integral import Integral, PointMasses, integral_over
 from teg.ir.node import Node, postorder
 from teg.ir.operands import as_number, less
-from teg.ir.show import show
-from teg.ir.simplify import add, bracket, call, conjunction, disjunction, integer_power, mul, negation, nonzero_part, positive, sub, where
+from teg.ir.simplify import add, bracket, call, conjunction, disjunction, integer_power, mul, negation, positive, sub, where
 from teg.ir.still import with_still_parameters
-from teg.ir.traverse import fresh, rewrite, rewrite_below, substitute
-from teg.ir.uncovered import TURN, Gaps, Uncovered, marks_of
+from teg.ir.traverse import fresh, rewrite_below, substitute
+from teg.ir.uncovered import TURN, Uncovered, marks_of
+from teg.passes.differentiate.gaps import Around, over_gaps, placed
 from teg.passes.normalise.partitions import Refused
 
 Derive = Callable[[Expr, Sequence[Param]], Sequence[Expr]]
@@ -54,24 +54,8 @@ Derive = Callable[[Expr, Sequence[Param]], Sequence[Expr]]
 SHIFT = Param.make(f"{APART}shift", ())
 BEYOND = 0.0291
 """How far beyond a side of the box the line is that ends it, as a part of the length of the box: borders touch it by chance only."""
-SHOWN = 60
-MOST_PLACES = 8
-"""The largest number of places where the border of one candidate may cross an edge of another one."""
 NEAR = 1e-9
 """How near to a surface, as a part of the size of the box, places are on it where borders run along each other."""
-QUICK = 2
-"""The largest degree of polynomials of which it is looked at whether an edge is seen at all."""
-LEFT, RIGHT = Param.make(f"{APART}left", ()), Param.make(f"{APART}right", ())
-
-
-class _Around(NamedTuple):
-    """What covers places: an index and its range, the condition, and the same where it ties, as a number; `within` is a condition outside
-    of which all places are covered."""
-
-    over: tuple[IndexVar, Index, Index]
-    condition: Cond
-    tie: Expr
-    within: Cond = TRUE
 
 
 def along_edges(root: Expr, derive: Derive) -> dict[Node, Expr]:
@@ -107,7 +91,7 @@ def _over_interval(node: Uncovered) -> Expr:
     as_written = {cast(Node, a): cast(Expr, FALSE if a.strict else TRUE) for a in atoms_of(node.condition)}
     (tie,) = replaced([bracket(node.condition)], as_written)
     over = node.index, node.lo, node.hi
-    return _over_gaps(Integral.make(x, (node.body, lo, hi)), _Around(over, _placed(node.condition, {x: x}), tie), node.body)
+    return over_gaps(Integral.make(x, (node.body, lo, hi)), Around(over, placed(node.condition, {x: x}), tie), node.body)
 
 
 def _along_lines(e: Expr, derive: Derive) -> Expr:
@@ -119,29 +103,20 @@ def _along_lines(e: Expr, derive: Derive) -> Expr:
     return symbols.out_of([with_gaps(still, derive)])[0]
 
 
-def _seen(around: _Around, variables: Sequence[Var]) -> Expr:
+def _seen(around: Around, variables: Sequence[Var]) -> Expr:
     """Returns 1 where nothing covers a place, else 0, as a function without a body."""
     n = len(variables)
     return Apply.make((Slot.make((0, n, n, None, (around, tuple(variables))), ()), (0,) * n), tuple(variables))
 
 
-def _before(node: Uncovered, x: Var, hi: Expr, length: Expr) -> _Around:
+def _before(node: Uncovered, x: Var, hi: Expr, length: Expr) -> Around:
     """Returns what covers the places just before the upper bound of the inner variable."""
 
     beside = _beside(node.condition, node, lambda g: mul(MINUS_ONE, length, _slope(g, x)))
     at = {x: hi}
-    condition = _placed(node.condition, at)
+    condition = placed(node.condition, at)
     tie = cast(Expr, substitute(bracket(beside), at))
-    return _Around((node.index, node.lo, node.hi), condition, tie, cast(Cond, substitute(node.within, at)))
-
-
-def _placed(condition: Cond, at: Mapping[Var, Expr]) -> Cond:
-    """Returns a condition at places, where each of its surfaces may tie."""
-
-    def tying(old: Compare, g: Expr, _: Cond | None) -> Cond:
-        return positive(g, old.strict, TRUE, old.rivals or (show(old.g, SHOWN), "the edge of another candidate"))
-
-    return cast(Cond, substitute(condition, at, tying))
+    return Around((node.index, node.lo, node.hi), condition, tie, cast(Cond, substitute(node.within, at)))
 
 
 # -- edges -------------------------------------------------------------------------------------------------------------
@@ -168,14 +143,14 @@ def edges_of(node: Uncovered, weight: Expr, moved: Param | None = None) -> Itera
 
 def inside_of(node: Uncovered) -> Expr:
     """Returns the integral of the body over what is not covered, a cell in which that does not move."""
-    around = _Around((node.index, node.lo, node.hi), node.condition, bracket(node.condition), node.within)
+    around = Around((node.index, node.lo, node.hi), node.condition, bracket(node.condition), node.within)
     cell = mul(node.body, _seen(around, node.variables))
     for v, (lo, hi) in reversed(list(zip(node.variables, node.bounds, strict=True))):
         cell = integral_over(cell, v, lo, hi)
     return cell
 
 
-def _others(node: Uncovered, edge: _Surface) -> _Around:
+def _others(node: Uncovered, edge: _Surface) -> Around:
     """Returns what covers edges of candidates: the other ones."""
     k, variables = node.index, node.variables
     j = IndexVar.make(f"{k.name}{APART}other", ())
@@ -191,7 +166,7 @@ def _others(node: Uncovered, edge: _Surface) -> _Around:
     nothing = [_is_opposite(node, edge, own, sense, lengths) for own in _surfaces(node.condition, variables) if own.g is not edge.g]
     wider = conjunction(covering(ONE), less(distance, ZERO, True))
     tie = bracket(conjunction(different, disjunction(covering(MINUS_ONE), wider, *nothing)))
-    return _Around((j, node.lo, node.hi), conjunction(different, theirs), tie, node.within)
+    return Around((j, node.lo, node.hi), conjunction(different, theirs), tie, node.within)
 
 
 def _is_opposite(node: Uncovered, edge: _Surface, other: _Surface, sense: Expr, lengths: Expr) -> Cond:
@@ -340,23 +315,23 @@ def _of_integral(node: Integral) -> Expr:
     for mark in marks:
         (with_it,) = replaced([node.body], {m: ONE if m is mark else ZERO for m in marks})
         weight = with_it if rest is ZERO else sub(with_it, rest)
-        terms.append(_over_gaps(node, _around(mark), weight))
+        terms.append(over_gaps(node, _covering(mark), weight))
     return add(*terms)
 
 
 def _at_point(mark: Apply) -> Expr:
     """Returns 1 where nothing covers a point, else 0: the length of what is not covered of a line on which nothing changes."""
     s = fresh("s", mark.free)
-    return _over_gaps(Integral.make(s, (ONE, ZERO, ONE)), _around(mark), ONE)
+    return over_gaps(Integral.make(s, (ONE, ZERO, ONE)), _covering(mark), ONE)
 
 
-def _around(mark: Apply) -> _Around:
+def _covering(mark: Apply) -> Around:
     """Returns what may cover the place of a mark."""
     if any(mark.derivative):
         raise Refused("an edge has no chart")
     around, variables = cast(Slot, mark.callee).data[4]
     at = dict(zip(variables, mark.children, strict=True))
-    return _Around(around.over, _placed(around.condition, at), cast(Expr, substitute(around.tie, at)), _placed(around.within, at))
+    return Around(around.over, placed(around.condition, at), cast(Expr, substitute(around.tie, at)), placed(around.within, at))
 
 
 def _of_nest(node: Integral, inner: Sequence[Integral], derive: Derive) -> Expr:
@@ -379,111 +354,3 @@ def _of_nest(node: Integral, inner: Sequence[Integral], derive: Derive) -> Expr:
         weight = whole if rest is ZERO else sub(whole, rest)
         terms.append(_value(Uncovered.make(over, (*conditions, weight, node.lo, node.hi, part.lo, part.hi)), derive))
     return add(*terms)
-
-
-def _over_gaps(node: Integral, around: _Around, weight: Expr) -> Expr:
-    """Returns the integral of a weight over what is not covered of the range of an integral."""
-    s, lo, hi = node.var, node.lo, node.hi
-    if weight is ZERO:
-        return ZERO
-    if is_unbounded(node):
-        raise Refused("a bound is infinite")
-    symbols = Symbols()
-    (cell, tie, *matters) = symbols.into([cast(Expr, c) for c in (around.condition, around.tie, around.within, *_nonzero(weight))])
-    on_line = _OnLine(cast(Cond, cell), tie, weight, cast("tuple[Cond, ...]", tuple(matters)))
-    by_half_angle = _by_half_angle(on_line, s) if _turns_less_than_once(lo, hi) else None
-    condition, tie, weight, some = by_half_angle or on_line
-    _check_roots([atom.g for atom in atoms_of(condition, s)], s)
-    order = ordered(lo, hi)
-    first, last = (lo, hi) if order > 0 else (hi, lo) if order < 0 else (call("min", lo, hi), call("max", lo, hi))
-    sign = const(float(order)) if order else where(less(hi, lo, True), MINUS_ONE, ONE)
-    if by_half_angle is not None:
-        first, last = (call("tan", mul(const(0.5), end)) for end in (first, last))
-    known = conjunction(*(_placed(c, {s: s}) for c in some if _has_roots(c, s)))
-    covered, tie, where_it_matters = symbols.out_of([bracket(condition), tie, bracket(known)])
-    over = *around.over, s, LEFT, RIGHT
-    return mul(sign, cast(Expr, Gaps.make(over, (first, last, covered, tie, where_it_matters, integral_over(weight, s, LEFT, RIGHT)))))
-
-
-def _check_roots(functions: Sequence[Expr], s: Var) -> None:
-    """Raises Refused if the roots of functions cannot be found along a line, or may be many."""
-    count = 0
-    for g in functions:
-        isolation = None if any(isinstance(n, Integral) for n in postorder([g])) else isolate(g, s)
-        if isolation is None:
-            raise Refused("a condition has no roots that can be found along an edge")
-        known = solve(g, s, LEFT, RIGHT)
-        count += len(known.found) if known is not None and known.certain else isolation.count
-    if count > MOST_PLACES:
-        raise Refused(f"its border may cross an edge in more than {MOST_PLACES} places")
-
-
-def _nonzero(weight: Expr) -> list[Cond]:
-    """Returns conditions outside of which a weight is 0."""
-    found: list[Cond] = []
-    factors = [weight]
-    while factors:
-        factor = factors.pop()
-        condition, rest = nonzero_part(factor)
-        if condition is not TRUE:
-            found += cast("Sequence[Cond]", condition.children) if isinstance(condition, And) else [condition]
-            factors.append(rest)
-        elif isinstance(factor, Mul):
-            factors += factor.children
-    return found
-
-
-def _has_roots(condition: Cond, s: Var) -> bool:
-    """Returns whether a condition changes where polynomials do that are solved quickly."""
-    degrees = [Shadow((s,)).degree(atom.g) for atom in atoms_of(condition, s)]
-    return all(degree is not None and degree <= QUICK for degree in degrees)
-
-
-def _turns_less_than_once(lo: Expr, hi: Expr) -> bool:
-    return all(isinstance(end, Const) and abs(end.data) < 0.99 * math.pi for end in (lo, hi))
-
-
-class _OnLine(NamedTuple):
-    """What covers places of a line, the same where it ties, the weight of places, and conditions outside of which places do not matter."""
-
-    condition: Cond
-    tie: Expr
-    weight: Expr
-    matters: tuple[Cond, ...]
-
-
-def _by_half_angle(on_arc: _OnLine, angle: Var) -> _OnLine | None:
-    """Returns the same by the tangent of half the angle, in which conditions are polynomials; None if the angle occurs elsewhere than in
-    its cosine and sine, or in other functions of these than polynomials in a condition."""
-    c, s = (fresh(name, on_arc.condition.free | on_arc.tie.free | on_arc.weight.free) for name in ("cos", "sin"))
-    circular: dict[Node, Node] = {call("cos", angle): c, call("sin", angle): s}
-    roots = (on_arc.condition, on_arc.tie, on_arc.weight, *on_arc.matters)
-    on_circle = rewrite(roots, lambda _, new: circular.get(new, new))
-    condition = cast(Cond, on_circle[on_arc.condition])
-    tie, weight = (cast(Expr, on_circle[e]) for e in roots[1:3])
-    half, mark = mul(const(0.5), angle), fresh("half", [c, s, angle])
-    short = call("sqrt", integer_power(add(ONE, integer_power(mark, 2)), -1))
-    halves: dict[Node, Node] = {call("tan", half): mark, call("sin", half): mul(mark, short), call("cos", half): short}
-    weight = cast(Expr, rewrite([weight], lambda _, new: halves.get(new, new))[weight])
-    if condition.free.isdisjoint((c, s)) or any(angle in e.free for e in (condition, tie, weight)):
-        return None
-    unknown: list[Node] = []
-
-    def visit(_: Node, new: Node) -> Node:
-        if not isinstance(new, Compare) or new.free.isdisjoint((c, s)):
-            return new
-        polynomial = in_half_angle(new.g, c, s, angle)
-        if polynomial is None:
-            unknown.append(new)
-            return new
-        return positive(polynomial, new.strict, new.resolution, new.rivals)
-
-    condition = cast(Cond, rewrite([condition], visit)[condition])
-    if unknown:
-        return None
-    conditions = [on_circle[m] for m in on_arc.matters]
-    matters = tuple(cast(Cond, new) for new in map(rewrite(conditions, visit).__getitem__, conditions) if new.free.isdisjoint((c, s, mark)))
-    z = integer_power(add(ONE, integer_power(angle, 2)), -1)
-    at: dict[Var, Expr] = {c: sub(mul(const(2.0), z), ONE), s: mul(const(2.0), angle, z), mark: angle}
-    tie, weight = (cast(Expr, substitute(e, at)) for e in (tie, weight))
-    return _OnLine(condition, tie, mul(const(2.0), z, weight), matters)

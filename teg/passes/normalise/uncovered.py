@@ -1,8 +1,10 @@
-"""Integrals of `teg.any` over a box of two variables as those over what no candidate covers.
+"""Integrals of choices over a box of one or two variables as those over what no candidate covers.
 
-    ∫∫ f(any_k c_k)   =   ∫∫ f(true) - ∫∫ (f(true) - f(false))·[no k has c_k]
+    ∫∫ f(any_k c_k)               =   ∫∫ f(true) - ∫∫ (f(true) - f(false))·[no k has c_k]
+    ∫∫ f(nearest_k(v, g | c; o))  =   Σ_k ∫∫ f(v_k)·[c_k and no j has c_j and g_j < g_k] + ∫∫ f(o)·[no k has c_k]
 
-The second integral is `Uncovered`, which is followed along the edges of candidates (`teg.passes.differentiate.edges`), however many there
+What is in brackets is that no candidate covers a place: of the second, k itself where c_k does not hold, and j where it wins. The integral
+is `Uncovered`, which is followed along the edges of candidates (`teg.passes.differentiate.edges`), however many there
 are. Cost: a visit a node.
 """
 

@@ -180,7 +180,7 @@ class ArrayMachine:
         covered: list[tuple[float, float]] = []
         is_known, doubtful = first == first and last == last, 0
         n = step.places
-        for _ in self._iterations(step):
+        for _ in self._iterations(step) if first < last else ():
             values = [self.number(v) for v in step.values]
             places, flags, ties = values[:n], values[n : 2 * n + 1], values[2 * n + 1 : -1]
             doubtful += values[-1] > 0.0

@@ -1,0 +1,164 @@
+"""Sums over the gaps that candidates leave on a line: where an edge runs, with what covers its places.
+
+    ∫ A(s)·m(s) ds      =  Σ over the gaps between covered intervals of ∫ A ds                                         `Gaps`
+
+Places on an arc are told by the tangent of half the angle, in which conditions are polynomials. Cost: a visit a node.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple, cast
+
+from teg.analysis.half_angle import in_half_angle
+from teg.analysis.isolation import isolate
+from teg.analysis.polynomial import Shadow
+from teg.analysis.roots import solve
+from teg.analysis.surfaces import atoms_of, ordered
+from teg.analysis.tails import is_unbounded
+from teg.ir.cells import Symbols
+from teg.ir.expr import MINUS_ONE, ONE, TRUE, ZERO, And, Compare, Cond, Const, Expr, Mul, Param, Var, const
+from teg.ir.index import APART, Index, IndexVar
+from teg.ir.integral import Integral, integral_over
+from teg.ir.node import Node, postorder
+from teg.ir.operands import less
+from teg.ir.show import show
+from teg.ir.simplify import add, bracket, call, conjunction, integer_power, mul, nonzero_part, positive, sub, where
+from teg.ir.traverse import fresh, rewrite, substitute
+from teg.ir.uncovered import Gaps
+from teg.passes.normalise.partitions import Refused
+
+SHOWN = 60
+MOST_PLACES = 8
+"""The largest number of places where the border of one candidate may cross an edge of another one."""
+QUICK = 2
+"""The largest degree of polynomials of which it is looked at whether an edge is seen at all."""
+LEFT, RIGHT = Param.make(f"{APART}left", ()), Param.make(f"{APART}right", ())
+
+
+class Around(NamedTuple):
+    """What covers places: an index and its range, the condition, and the same where it ties, as a number; `within` is a condition outside
+    of which all places are covered."""
+
+    over: tuple[IndexVar, Index, Index]
+    condition: Cond
+    tie: Expr
+    within: Cond = TRUE
+
+
+def placed(condition: Cond, at: Mapping[Var, Expr]) -> Cond:
+    """Returns a condition at places, where each of its surfaces may tie."""
+
+    def tying(old: Compare, g: Expr, _: Cond | None) -> Cond:
+        return positive(g, old.strict, TRUE, old.rivals or (show(old.g, SHOWN), "the edge of another candidate"))
+
+    return cast(Cond, substitute(condition, at, tying))
+
+
+def over_gaps(node: Integral, around: Around, weight: Expr) -> Expr:
+    """Returns the integral of a weight over what is not covered of the range of an integral."""
+    s, lo, hi = node.var, node.lo, node.hi
+    if weight is ZERO:
+        return ZERO
+    if is_unbounded(node):
+        raise Refused("a bound is infinite")
+    symbols = Symbols()
+    (cell, tie, *matters) = symbols.into([cast(Expr, c) for c in (around.condition, around.tie, around.within, *_nonzero(weight))])
+    on_line = _OnLine(cast(Cond, cell), tie, weight, cast("tuple[Cond, ...]", tuple(matters)))
+    by_half_angle = _by_half_angle(on_line, s) if _turns_less_than_once(lo, hi) else None
+    condition, tie, weight, some = by_half_angle or on_line
+    _check_roots([atom.g for atom in atoms_of(condition, s)], s)
+    order = ordered(lo, hi)
+    first, last = (lo, hi) if order > 0 else (hi, lo) if order < 0 else (call("min", lo, hi), call("max", lo, hi))
+    sign = const(float(order)) if order else where(less(hi, lo, True), MINUS_ONE, ONE)
+    if by_half_angle is not None:
+        first, last = (call("tan", mul(const(0.5), end)) for end in (first, last))
+    known = conjunction(*(placed(c, {s: s}) for c in some if _has_roots(c, s)))
+    covered, tie, where_it_matters = symbols.out_of([bracket(condition), tie, bracket(known)])
+    over = *around.over, s, LEFT, RIGHT
+    return mul(sign, cast(Expr, Gaps.make(over, (first, last, covered, tie, where_it_matters, integral_over(weight, s, LEFT, RIGHT)))))
+
+
+def _check_roots(functions: Sequence[Expr], s: Var) -> None:
+    """Raises Refused if the roots of functions cannot be found along a line, or may be many."""
+    count = 0
+    for g in functions:
+        isolation = None if any(isinstance(n, Integral) for n in postorder([g])) else isolate(g, s)
+        if isolation is None:
+            raise Refused("a condition has no roots that can be found along an edge")
+        known = solve(g, s, LEFT, RIGHT)
+        count += len(known.found) if known is not None and known.certain else isolation.count
+    if count > MOST_PLACES:
+        raise Refused(f"its border may cross an edge in more than {MOST_PLACES} places")
+
+
+def _nonzero(weight: Expr) -> list[Cond]:
+    """Returns conditions outside of which a weight is 0."""
+    found: list[Cond] = []
+    factors = [weight]
+    while factors:
+        factor = factors.pop()
+        condition, rest = nonzero_part(factor)
+        if condition is not TRUE:
+            found += cast("Sequence[Cond]", condition.children) if isinstance(condition, And) else [condition]
+            factors.append(rest)
+        elif isinstance(factor, Mul):
+            factors += factor.children
+    return found
+
+
+def _has_roots(condition: Cond, s: Var) -> bool:
+    """Returns whether a condition changes where polynomials do that are solved quickly."""
+    degrees = [Shadow((s,)).degree(atom.g) for atom in atoms_of(condition, s)]
+    return all(degree is not None and degree <= QUICK for degree in degrees)
+
+
+def _turns_less_than_once(lo: Expr, hi: Expr) -> bool:
+    return all(isinstance(end, Const) and abs(end.data) < 0.99 * math.pi for end in (lo, hi))
+
+
+class _OnLine(NamedTuple):
+    """What covers places of a line, the same where it ties, the weight of places, and conditions outside of which places do not matter."""
+
+    condition: Cond
+    tie: Expr
+    weight: Expr
+    matters: tuple[Cond, ...]
+
+
+def _by_half_angle(on_arc: _OnLine, angle: Var) -> _OnLine | None:
+    """Returns the same by the tangent of half the angle, in which conditions are polynomials; None if the angle occurs elsewhere than in
+    its cosine and sine, or in other functions of these than polynomials in a condition."""
+    c, s = (fresh(name, on_arc.condition.free | on_arc.tie.free | on_arc.weight.free) for name in ("cos", "sin"))
+    circular: dict[Node, Node] = {call("cos", angle): c, call("sin", angle): s}
+    roots = (on_arc.condition, on_arc.tie, on_arc.weight, *on_arc.matters)
+    on_circle = rewrite(roots, lambda _, new: circular.get(new, new))
+    condition = cast(Cond, on_circle[on_arc.condition])
+    tie, weight = (cast(Expr, on_circle[e]) for e in roots[1:3])
+    half, mark = mul(const(0.5), angle), fresh("half", [c, s, angle])
+    short = call("sqrt", integer_power(add(ONE, integer_power(mark, 2)), -1))
+    halves: dict[Node, Node] = {call("tan", half): mark, call("sin", half): mul(mark, short), call("cos", half): short}
+    weight = cast(Expr, rewrite([weight], lambda _, new: halves.get(new, new))[weight])
+    if condition.free.isdisjoint((c, s)) or any(angle in e.free for e in (condition, tie, weight)):
+        return None
+    unknown: list[Node] = []
+
+    def visit(_: Node, new: Node) -> Node:
+        if not isinstance(new, Compare) or new.free.isdisjoint((c, s)):
+            return new
+        polynomial = in_half_angle(new.g, c, s, angle)
+        if polynomial is None:
+            unknown.append(new)
+            return new
+        return positive(polynomial, new.strict, new.resolution, new.rivals)
+
+    condition = cast(Cond, rewrite([condition], visit)[condition])
+    if unknown:
+        return None
+    conditions = [on_circle[m] for m in on_arc.matters]
+    matters = tuple(cast(Cond, new) for new in map(rewrite(conditions, visit).__getitem__, conditions) if new.free.isdisjoint((c, s, mark)))
+    z = integer_power(add(ONE, integer_power(angle, 2)), -1)
+    at: dict[Var, Expr] = {c: sub(mul(const(2.0), z), ONE), s: mul(const(2.0), angle, z), mark: angle}
+    tie, weight = (cast(Expr, substitute(e, at)) for e in (tie, weight))
+    return _OnLine(condition, tie, mul(const(2.0), z, weight), matters)
