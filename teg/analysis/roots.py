@@ -18,7 +18,7 @@ from teg.analysis.polynomial import Degrees, Shadow
 from teg.analysis.squares import discriminant_of_squares
 from teg.errors import NotDifferentiableError
 from teg.ir import expr as ex
-from teg.ir.expr import MINUS_ONE, ONE, TRUE, ZERO, Add, Call, Cond, Const, Expr, Mul, Param, Pow, Truth, Var, Where, const
+from teg.ir.expr import FALSE, MINUS_ONE, ONE, TRUE, ZERO, Add, Call, Cond, Const, Expr, Mul, Param, Pow, Truth, Var, Where, const
 from teg.ir.node import Node, postorder
 from teg.ir.simplify import add, call, conjunction, disjunction, div, integer_power, mul, negation, positive, sub, where
 from teg.ir.traverse import fresh, parameters, replace_node, size, substitute
@@ -275,7 +275,7 @@ def _parts(g: Expr, x: Var) -> tuple[Expr, Expr, Expr] | None:
 
 
 def _rationalised(g: Expr, x: Var, lo: Expr, hi: Expr, depth: int) -> Roots | None:
-    """Returns the roots of P + Q·√D = 0: the roots of P² - Q²·D at which P and Q have opposite signs."""
+    """Returns the roots of P + Q·√D = 0: the roots of P² - Q²·D at which P and Q have opposite signs. Where Q is 0, P² has each root twice."""
     parts = _parts(g, x)
     if parts is None:
         return None
@@ -285,11 +285,19 @@ def _rationalised(g: Expr, x: Var, lo: Expr, hi: Expr, depth: int) -> Roots | No
     if roots is None:
         return None
     kept = []
-    for r in roots.found:
+    for i, r in enumerate(roots.found):
         at = {x: r.point}
         opposite = positive(cast(Expr, substitute(mul(MINUS_ONE, p, q), at)), strict=False)
-        kept.append(Root(r.point, conjunction(r.exists, opposite)))
+        once = disjunction(_not_zero(cast(Expr, substitute(q, at))), _is_new(i, roots.found))
+        kept.append(Root(r.point, conjunction(r.exists, opposite, once)))
     return Roots(tuple(kept), roots.certain)
+
+
+def _is_new(i: int, roots: Sequence[Root]) -> Cond:
+    """Returns the condition that root i of a square is none of those before it. Of two, both are one, whatever rounding makes of them."""
+    if len(roots) == 2:
+        return FALSE if i else TRUE
+    return conjunction(*(_not_zero(sub(roots[i].point, other.point)) for other in roots[:i]))
 
 
 # -- f(u) = c ------------------------------------------------------------------------------------------------------------

@@ -20,6 +20,12 @@ def points(roots: Roots | None, **values: float) -> list[float]:
     return sorted(float(teg.evaluate(p, values)) for p in (r.point for r in roots.found))
 
 
+def existing(roots: Roots | None, **values: float) -> list[float]:
+    assert roots is not None
+    places = (teg.evaluate(teg.where(r.exists, r.point, math.inf), values) for r in roots.found)
+    return sorted(float(p) for p in places if math.isfinite(p))
+
+
 def test_no_root_where_the_variable_does_not_occur() -> None:
     assert solve(t - a, x, ZERO, ONE) == Roots(())
 
@@ -125,6 +131,23 @@ def test_zeros_of_a_wave_whose_phase_is_a_parameter_are_counted() -> None:
     unknown = solve(teg.sin(pitch * x) - 0.3, x, const(0.0), const(1.5))
     assert unknown is not None
     assert not unknown.certain
+
+
+@pytest.mark.parametrize("u", [0.0, 0.3, -0.3])
+def test_a_root_without_weight_is_found_once(u: float) -> None:
+    """The line x = 0.2 is twice in the square of u·√(x² + 0.1) = x - 0.2 where u is 0."""
+    known = solve(t * teg.sqrt(x**2 + 0.1) - (x - 0.2), x, const(-1.0), const(1.0))
+    expected = (0.2 + u * math.sqrt(0.14 - 0.1 * u * u)) / (1 - u * u)
+    assert existing(known, t=u) == pytest.approx([expected], abs=1e-14)
+
+
+@pytest.mark.parametrize("u", [0.0, 0.3, -0.3])
+def test_places_of_two_levels_are_found_once(u: float) -> None:
+    """u·√(z + 1) = z - 2 with z = exp(x²) has one solution z, with two places each."""
+    z = teg.exp(x**2)
+    known = solve(t * teg.sqrt(z + 1) - (z - 2), x, const(-2.0), const(2.0))
+    level = 2.0 + 0.5 * u * u + u * math.sqrt(3.0 + 0.25 * u * u)
+    assert existing(known, t=u) == pytest.approx([-math.sqrt(math.log(level)), math.sqrt(math.log(level))])
 
 
 BEYOND = {

@@ -162,6 +162,8 @@ IN_PASSES: tuple[Mutant, ...] = (
         "teg/analysis/roots.py",
         ("tests/analysis/test_roots.py",),
         ("zeros of a wave in an interval", "/ math.pi) + 3", "/ math.pi)"),
+        ("a root that is found twice", "return FALSE if i else TRUE", "return TRUE"),
+        ("places that are found twice", "for other in roots[:i])", "for other in roots[:0])"),
     ),
     *mutants(
         "teg/passes/normalise/factors.py",
