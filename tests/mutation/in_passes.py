@@ -15,7 +15,7 @@ IN_PASSES: tuple[Mutant, ...] = (
         "teg/analysis/roots.py",
         ("tests/analysis/test_roots.py", "tests/passes/eliminate/test_univariate.py", "tests/passes/eliminate/test_endless.py"),
         ("a discriminant as a product", "return mul(const(-4), a, c)", "pass"),
-        ("a line that is everywhere", "met if met is TRUE or level.free else disjunction(met, negation(_not_zero(level)))", "met"),
+        ("a line that is everywhere", "met if met is TRUE or level.free else disjunction(met, negation(is_not_zero(level)))", "met"),
     ),
     *mutants(
         "teg/passes/eliminate/univariate.py",
@@ -159,9 +159,13 @@ IN_PASSES: tuple[Mutant, ...] = (
         ("products of powers", "return mul(*rest, *(", "return mul(*("),
     ),
     *mutants(
+        "teg/analysis/preimages.py",
+        ("tests/analysis/test_preimages.py",),
+        ("zeros of a wave in an interval", "/ math.pi) + 3", "/ math.pi)"),
+    ),
+    *mutants(
         "teg/analysis/roots.py",
         ("tests/analysis/test_roots.py",),
-        ("zeros of a wave in an interval", "/ math.pi) + 3", "/ math.pi)"),
         ("a root that is found twice", "return FALSE if i else TRUE", "return TRUE"),
         ("places that are found twice", "for other in roots[:i])", "for other in roots[:0])"),
     ),
@@ -215,8 +219,8 @@ IN_PASSES: tuple[Mutant, ...] = (
         ("an angle less than itself", "_less(v, u, t, not condition.strict)", "_less(v, u, t, condition.strict)"),
     ),
     *mutants(
-        "teg/analysis/roots.py",
-        ("tests/analysis/test_roots.py",),
+        "teg/analysis/preimages.py",
+        ("tests/analysis/test_preimages.py",),
         ("an angle beyond a half turn", "exists = conjunction(_within(c, -math.pi, math.pi), positive(", "exists = conjunction(positive("),
     ),
     *mutants(
