@@ -303,7 +303,7 @@ IN_PASSES: tuple[Mutant, ...] = (
         "teg/analysis/centres.py",
         ("tests/passes/lower/test_gaussian.py",),
         ("tails from outside", "for edge in edges if c.high else ():", "for edge in ():"),
-        ("many surfaces of a density", "MAX_MET = 64", "MAX_MET = 8"),
+        ("many surfaces of a density", "MAX_MET = 512", "MAX_MET = 8"),
         ("a Gaussian of at most 1", "return not (is_null(exponent) or", "return not (False or"),
     ),
     *mutants(
