@@ -26,6 +26,7 @@ QUICK_IN_JAX = (
     "backends/jax/test_kernel.py",
     "backends/jax/test_isolate.py::test_where_roots_are_not_asked_for_there_are_none",
     "interop/test_jax.py",
+    "interop/test_jax_arguments.py",
     "test_references.py::test_jax[",
     "test_floors.py",
 )
