@@ -156,7 +156,7 @@ IN_ANALYSES: tuple[Mutant, ...] = (
     ),
     *mutants(
         "teg/analysis/endless.py",
-        (GUARDED, "tests/end_to_end/test_infinite_ranges.py"),
+        (GUARDED, "tests/passes/lower/test_far_features.py", "tests/end_to_end/test_infinite_ranges.py"),
         (
             "bound of a function that falls",
             "hi = where(self.endless_right, where(falls, at_left, natural[1])",
