@@ -14,6 +14,7 @@ READY := $(VENV)/.ready
 OUT := out/triangulation
 N ?= 300
 PARALLEL := -n auto --dist worksteal
+export PYTHONDONTWRITEBYTECODE :=  # programs that tests start would compile the modules of teg again, each of them
 
 .PHONY: demo test thorough fast fuzz bench chart docs lint
 .DELETE_ON_ERROR:

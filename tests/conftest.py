@@ -14,17 +14,19 @@ import weakref
 from collections.abc import Generator, Iterator
 from math import inf
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from teg.backends.c import build, kernel
-from teg.evaluator import plan
+from teg.evaluator import kernels, plan
 
 os.environ.setdefault("JAX_DISABLE_MOST_OPTIMIZATIONS", "1")  # read when JAX is imported
 QUICK_IN_JAX = (
     "backends/jax/test_kernel.py",
     "backends/jax/test_isolate.py::test_where_roots_are_not_asked_for_there_are_none",
     "interop/test_jax.py",
+    "interop/test_jax_arguments.py",
     "test_references.py::test_jax[",
     "test_floors.py",
 )
@@ -122,6 +124,23 @@ def derived_once() -> Iterator[None]:
     """Equal programs of a module's tests are derived once: no backend has a part in that."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(plan, "_derivations", {})
+        yield
+
+
+@pytest.fixture(autouse=True, scope="module")
+def compiled_once() -> Iterator[None]:
+    """A program that several tests of a module share, at other points for instance, is printed and compiled once for a backend."""
+    built: dict[tuple[object, ...], tuple[object, object]] = {}
+    build = kernels.build_kernel
+
+    def once(program: object, options: Any, dtype: str = "float64", counted: bool = False) -> object:
+        key = id(program), options.backend, options.threads, options.memory, options.dtype, dtype, counted
+        if key not in built:
+            built[key] = build(program, options, dtype, counted), program  # which is kept, so that its number stays its own
+        return built[key][0]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(kernels, "build_kernel", once)
         yield
 
 

@@ -15,18 +15,15 @@ from typing import cast
 from teg.analysis.calculus import slope
 from teg.analysis.expanded import shorter_form
 from teg.analysis.polynomial import Degrees, Shadow
+from teg.analysis.preimages import is_not_zero, preimages
 from teg.analysis.squares import discriminant_of_squares
 from teg.errors import NotDifferentiableError
 from teg.ir import expr as ex
-from teg.ir.expr import MINUS_ONE, ONE, TRUE, ZERO, Add, Call, Cond, Const, Expr, Mul, Param, Pow, Truth, Var, Where, const
+from teg.ir.expr import FALSE, MINUS_ONE, ONE, TRUE, ZERO, Add, Call, Cond, Const, Expr, Mul, Param, Pow, Truth, Var, Where, const
 from teg.ir.node import Node, postorder
 from teg.ir.simplify import add, call, conjunction, disjunction, div, integer_power, mul, negation, positive, sub, where
 from teg.ir.traverse import fresh, parameters, replace_node, size, substitute
 
-MAX_PERIODIC = 16
-"""The number of roots of a periodic function for which code is made if the bounds are not known as numbers."""
-MAX_NUMERIC = 64
-"""The same if the bounds are known as numbers."""
 MAX_DEPTH = 8
 COARSE = 1e4
 REACH = 2.0**20
@@ -115,8 +112,8 @@ def is_met(rates: Sequence[Expr], level: Expr) -> Cond:
     Where that and all slopes are 0 there is no derivative: it counts as met, so that the result is not a number. That is left out where
     `level` has variables.
     """
-    met = disjunction(*(_not_zero(rate) for rate in rates))
-    return met if met is TRUE or level.free else disjunction(met, negation(_not_zero(level)))
+    met = disjunction(*(is_not_zero(rate) for rate in rates))
+    return met if met is TRUE or level.free else disjunction(met, negation(is_not_zero(level)))
 
 
 def affine_root(g: Expr, x: Var, origin: Expr) -> Expr:
@@ -204,7 +201,7 @@ def quadratic_roots(g: Expr, x: Var, origin: Expr = ZERO) -> tuple[Root, ...]:
     as exact and smoother."""
     a, b, c = quadratic_coefficients(g, x, origin)
     d = _at_the_vertex(g, x, origin, (a, b, discriminant_of(g, x, origin, (a, b, c))))
-    exists = conjunction(positive(d, strict=False), _not_zero(a))
+    exists = conjunction(positive(d, strict=False), is_not_zero(a))
     root = call("root", d)
     if b is ZERO or (isinstance(a, Const) and not _may_cancel(a, b, d)):
         half = div(root, mul(const(2), ex.const(abs(a.data)) if isinstance(a, Const) else call("magnitude", a)))
@@ -213,7 +210,7 @@ def quadratic_roots(g: Expr, x: Var, origin: Expr = ZERO) -> tuple[Root, ...]:
     up = positive(b, strict=False)
     q = mul(const(-0.5), add(b, where(up, root, mul(MINUS_ONE, root))))
     larger, smaller = add(origin, div(q, a)), add(origin, div(c, q))  # by size, if the origin is 0
-    real, has_larger, has_smaller = positive(d, strict=False), _not_zero(a), _not_zero(q)
+    real, has_larger, has_smaller = positive(d, strict=False), is_not_zero(a), is_not_zero(q)
     if isinstance(up, Truth):
         return (Root(larger, conjunction(real, has_larger), root), Root(smaller, conjunction(real, has_smaller), root))
     down = negation(up)  # the roots keep their names where B changes its sign: m - s and m + s
@@ -257,10 +254,6 @@ def _power(base: float, exponent: int) -> float:
         return math.inf
 
 
-def _not_zero(e: Expr) -> Cond:
-    return TRUE if isinstance(e, Const) else disjunction(positive(e), positive(mul(MINUS_ONE, e)))
-
-
 def _parts(g: Expr, x: Var) -> tuple[Expr, Expr, Expr] | None:
     """Returns P, Q, D of g = P + Q·√D, where √D is the only square root that depends on x."""
     square_roots = [n for n in _functions(g, x) if isinstance(n, Call) and n.name in ("sqrt", "root")]
@@ -275,7 +268,10 @@ def _parts(g: Expr, x: Var) -> tuple[Expr, Expr, Expr] | None:
 
 
 def _rationalised(g: Expr, x: Var, lo: Expr, hi: Expr, depth: int) -> Roots | None:
-    """Returns the roots of P + Q·√D = 0: the roots of P² - Q²·D at which P and Q have opposite signs."""
+    """Returns the roots of P + Q·√D = 0: the roots of P² - Q²·D at which P and Q have opposite signs.
+
+    Where Q is 0 the square P² has each of its roots twice.
+    """
     parts = _parts(g, x)
     if parts is None:
         return None
@@ -285,11 +281,21 @@ def _rationalised(g: Expr, x: Var, lo: Expr, hi: Expr, depth: int) -> Roots | No
     if roots is None:
         return None
     kept = []
-    for r in roots.found:
+    for i, r in enumerate(roots.found):
         at = {x: r.point}
         opposite = positive(cast(Expr, substitute(mul(MINUS_ONE, p, q), at)), strict=False)
-        kept.append(Root(r.point, conjunction(r.exists, opposite)))
+        counts = is_not_zero(cast(Expr, substitute(q, at)))
+        if counts is not TRUE:
+            counts = disjunction(counts, _is_new(i, roots.found))
+        kept.append(Root(r.point, conjunction(r.exists, opposite, counts)))
     return Roots(tuple(kept), roots.certain)
+
+
+def _is_new(i: int, roots: Sequence[Root]) -> Cond:
+    """Returns the condition that root i of a square is none of those before it. Of two, both are one, whatever rounding makes of them."""
+    if len(roots) == 2:
+        return FALSE if i else TRUE
+    return conjunction(*(is_not_zero(sub(roots[i].point, other.point)) for other in roots[:i]))
 
 
 # -- f(u) = c ------------------------------------------------------------------------------------------------------------
@@ -339,7 +345,7 @@ def _inverted(g: Expr, x: Var, lo: Expr, hi: Expr, depth: int) -> Roots | None:
     solutions: list[Root] = []
     certain = levels.certain
     for level in levels.found:
-        inner = _preimages(f, level.point, x, lo, hi)
+        inner = preimages(f, level.point, x, lo, hi)
         if inner is None:
             return None
         pairs, complete = inner
@@ -369,133 +375,3 @@ def _harmonic(g: Expr, x: Var, functions: list[Call | Pow]) -> tuple[Expr, list[
     wave = call("sin", add(by_name["sin"].children[0], call("atan2", b, a)))
     radius = call("sqrt", add(integer_power(a, 2), integer_power(b, 2)))
     return add(mul(radius, wave), constant), [cast(Call, wave)]
-
-
-def _preimages(f: Call | Pow, c: Expr, x: Var, lo: Expr, hi: Expr) -> tuple[list[tuple[Expr, Cond]], bool] | None:
-    """Returns surfaces u - uᵢ whose roots are those of f(u) = c, each with the condition under which uᵢ is a solution, and whether these
-    are all."""
-    u = cast(Expr, f.children[0])
-    if isinstance(f, Pow):
-        return [(sub(u, v), exists) for v, exists in _power_preimages(f.exponent, c)], True
-    if f.name == "pow":
-        k = f.children[1]
-        if x in k.free:
-            return None
-        broken = isinstance(k, Const) and math.isfinite(k.data) and not float(k.data).is_integer()  # of no base below 0
-        certain = broken or (isinstance(u, Var) and all(isinstance(b, Const) and b.data >= 0.0 for b in (lo, hi)))
-        above = sub(u, call("pow", c, integer_power(k, -1))), conjunction(positive(c, strict=False), _not_zero(k))
-        return [above] if certain or k.free else [above, _below(u, k, c)], certain or not k.free
-    if f.name == "atan2":  # the half-line at the angle c, of which there is one for c between -π and π
-        b, a, s, k = u, f.children[1], call("sin", c), call("cos", c)
-        exists = conjunction(_within(c, -math.pi, math.pi), positive(add(mul(a, k), mul(b, s))))
-        return [(sub(mul(b, k), mul(a, s)), exists)], True
-    if f.name in ("sin", "cos", "tan"):
-        return _periodic_preimages(f.name, u, c, x, lo, hi)
-    inverse = _INVERSES.get(f.name)
-    if inverse is None:
-        return None
-    return [(sub(u, v), exists) for v, exists in inverse(c)], True
-
-
-def _below(u: Expr, k: Expr, c: Expr) -> tuple[Expr, Cond]:
-    """Returns u - v for the solution v < 0 of vᵏ = c, which an integer k has: an even one for c >= 0, an odd one for c <= 0."""
-    parity = sub(k, mul(const(2), call("floor", mul(const(0.5), k))))
-    even, odd = negation(positive(parity)), conjunction(positive(sub(parity, ONE), strict=False), negation(positive(sub(parity, ONE))))
-    sign = disjunction(conjunction(even, positive(c, strict=False)), conjunction(odd, positive(mul(MINUS_ONE, c), strict=False)))
-    return add(u, call("pow", call("magnitude", c), integer_power(k, -1))), conjunction(sign, _not_zero(k))
-
-
-def _power_preimages(k: int, c: Expr) -> list[tuple[Expr, Cond]]:
-    if k < 0:
-        c, k = integer_power(c, -1), -k
-    if k == 1:
-        return [(c, TRUE)]
-    size_of_root = call("pow", call("magnitude", c), const(1.0 / k))
-    if k % 2:
-        return [(where(positive(c), size_of_root, mul(MINUS_ONE, size_of_root)), TRUE)]
-    exists = positive(c, strict=False)
-    return [(size_of_root, exists), (mul(MINUS_ONE, size_of_root), exists)]
-
-
-def _within(c: Expr, least: float, most: float) -> Cond:
-    return conjunction(positive(sub(c, const(least)), False), positive(sub(const(most), c), False))
-
-
-def _between(c: Expr, least: float, most: float) -> Cond:
-    return conjunction(positive(sub(c, const(least))), positive(sub(const(most), c)))
-
-
-def _log_of(c: Expr) -> list[tuple[Expr, Cond]]:
-    return [(call("log", c), positive(c))]
-
-
-def _asinh(c: Expr) -> Expr:
-    grown = call("log", add(call("magnitude", c), call("sqrt", add(integer_power(c, 2), ONE))))
-    return where(positive(c), grown, mul(MINUS_ONE, grown))
-
-
-def _acosh(c: Expr) -> list[tuple[Expr, Cond]]:
-    grown = call("log", add(c, call("root", sub(integer_power(c, 2), ONE))))
-    exists = positive(sub(c, ONE), False)
-    return [(grown, exists), (mul(MINUS_ONE, grown), exists)]
-
-
-_INVERSES: dict[str, Callable[[Expr], list[tuple[Expr, Cond]]]] = {
-    "exp": _log_of,
-    "expm1": lambda c: _log_of(add(ONE, c)),
-    "log": lambda c: [(call("exp", c), TRUE)],
-    "log1p": lambda c: [(call("expm1", c), TRUE)],
-    "sqrt": lambda c: [(integer_power(c, 2), positive(c, False))],
-    "root": lambda c: [(integer_power(c, 2), positive(c, False))],
-    "asin": lambda c: [(call("sin", c), _within(c, -math.pi / 2, math.pi / 2))],
-    "acos": lambda c: [(call("cos", c), _within(c, 0.0, math.pi))],
-    "atan": lambda c: [(call("tan", c), _within(c, -math.pi / 2, math.pi / 2))],
-    "erf": lambda c: [(call("erfinv", c), _between(c, -1.0, 1.0))],
-    "erfc": lambda c: [(call("erfcinv", c), _between(c, 0.0, 2.0))],
-    "sinh": lambda c: [(_asinh(c), TRUE)],
-    "cosh": _acosh,
-    "tanh": lambda c: [(mul(const(0.5), call("log", div(add(ONE, c), sub(ONE, c)))), _within(c, -1.0, 1.0))],
-    "magnitude": lambda c: [(c, positive(c, False)), (mul(MINUS_ONE, c), positive(c, False))],
-}
-
-
-def _periodic_preimages(name: str, u: Expr, c: Expr, x: Var, lo: Expr, hi: Expr) -> tuple[list[tuple[Expr, Cond]], bool] | None:
-    """Returns the preimages of c under a periodic function, for each m in reach of u.
-
-    sin u = c: u = mπ + (-1)^m·asin c; cos u = c: u = ½π + that of sin with -c…; tan u = c: u = mπ + atan c.
-    """
-    if Shadow((x,)).degree(u) != 1:
-        return None
-    if name == "cos":  # cos u = sin(u + ½π)
-        u, name = add(u, const(math.pi / 2)), "sin"
-    if any(isinstance(b, Const) and math.isinf(b.data) for b in (lo, hi)):
-        return None  # infinitely many
-    ends = [cast(Expr, substitute(u, {x: b})) for b in (lo, hi)]
-    exists = _within(c, -1.0, 1.0) if name == "sin" else TRUE
-    base = call("asin" if name == "sin" else "atan", c)
-    if all(isinstance(e, Const) for e in ends):
-        least, most = sorted(cast(Const, e).data / math.pi for e in ends)
-        count = math.floor(most + 0.5) - math.floor(least - 0.5) + 1
-        first: Expr = const(float(math.floor(least - 0.5)))
-        certain = count <= MAX_NUMERIC
-        count = min(count, MAX_NUMERIC)
-    else:
-        least_end = where(positive(sub(ends[1], ends[0])), ends[0], ends[1])
-        first, rate, width = call("floor", sub(div(least_end, const(math.pi)), const(0.5))), slope(u, x), sub(hi, lo)
-        count, certain = MAX_PERIODIC, False
-        if isinstance(rate, Const) and isinstance(width, Const):  # the range of u has a known length, if not a known place
-            all_of_them = math.ceil(abs(rate.data * width.data) / math.pi) + 3
-            certain = all_of_them <= MAX_PERIODIC
-            count = min(all_of_them, MAX_PERIODIC)
-    pairs: list[tuple[Expr, Cond]] = []
-    for j in range(count):
-        m = add(first, const(float(j)))
-        if name == "tan":
-            angle = base
-        elif isinstance(m, Const):
-            angle = base if m.data % 2 == 0 else mul(MINUS_ONE, base)
-        else:
-            even = sub(m, mul(const(2), call("floor", mul(const(0.5), m))))  # 0 or 1
-            angle = mul(sub(ONE, mul(const(2), even)), base)
-        pairs.append((sub(u, add(mul(m, const(math.pi)), angle)), exists))
-    return pairs, certain

@@ -20,7 +20,8 @@ from teg.analysis.calculus import slope
 from teg.analysis.expanded import expanded
 from teg.analysis.intervals import enclose
 from teg.analysis.polynomial import Shadow
-from teg.analysis.roots import MAX_PERIODIC, tidy
+from teg.analysis.preimages import MAX_PERIODIC
+from teg.analysis.roots import tidy
 from teg.errors import NotDifferentiableError
 from teg.ir.expr import (
     FALSE,

@@ -82,16 +82,17 @@ class Kernels:
         return self._kernels.get(key, lambda: self._made(key))
 
     def prepare(self, wanted: Wanted) -> None:
-        """Makes the program of what is wanted, and its kernel, which raises whatever is wrong with them. C is compiled when it is first
-        called, which takes longest: where only derivatives are asked for, the value needs no kernel. Raises CompilerError if there is no
-        compiler for it."""
-        if self.plan.options.backend != "c":
+        """Makes the program of what is wanted, which raises whatever is wrong with it, and the kernel of JAX, which may not take it.
+        Others are made when they are first called: where only derivatives are asked for, the value needs no kernel. Raises CompilerError
+        if there is no compiler for C."""
+        if self.plan.options.backend == "jax":
             self.kernel_of(wanted)
             return
-        from teg.backends.c.build import find_compiler
-
         self._program(Key(wanted))
-        find_compiler()
+        if self.plan.options.backend == "c":
+            from teg.backends.c.build import find_compiler
+
+            find_compiler()
 
     def _made(self, key: Key) -> Kernel:
         program = self._program(key)

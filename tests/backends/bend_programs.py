@@ -1,4 +1,4 @@
-"""Integrals with branch points, poles, singular ends and tails: their bends and substitutions, estimates, and tolerances that are missed.
+"""Integrals with branch points, poles and singular ends: their bends and substitutions.
 
 One program takes many places: a row of a table is one element of its batch. The values are known in closed form, here
 with 40 digits.
@@ -9,13 +9,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
 
 import mpmath
 
-from teg.program import Adaptive, Arg, Bend, Gauss, Integrate, Program, Stmt
+from teg.program import Adaptive, Arg, Bend, Integrate, Program
 from teg.program.dce import without_dead_code
-from tests.backends.programs import INF, NAN, TIGHT, Case, Row, integrate, let, program
+from tests.backends.missed_programs import MISSED
+from tests.backends.programs import INF, NAN, TIGHT, Case, integrate, let, program
+from tests.backends.tail_programs import TAILS
 
 NODES = TIGHT.first
 """The evaluations of a first look."""
@@ -327,208 +328,5 @@ BALL = Case(
 )
 
 
-def _half(p: float) -> float:
-    """Returns ∫ (1 + x²)^-p dx over (0, ∞)."""
-    return 0.5 * math.sqrt(math.pi) * math.gamma(p - 0.5) / math.gamma(p)
-
-
-def _tail(lo: Arg, hi: Arg, body: tuple[Stmt, ...], value: Arg, **options: Any) -> tuple[Stmt, ...]:
-    return (integrate("v9", "x0", lo, hi, body, value, infinite=True, rule=TIGHT, **options),)
-
-
-_DECAY = (let("v0", "abs", "x0"), let("v1", "div", "v0", "p2"), let("v2", "neg", "v1"), let("v3", "exp", "v2"))
-_POWER = (let("v0", "powi", "x0", 2), let("v1", "add", 1.0, "v0"), let("v2", "neg", "p2"), let("v3", "pow", "v1", "v2"))
-_BELL = (let("v0", "powi", "x0", 2), let("v1", "add", 1.0, "v0"), let("v2", "powi", "v1", -2))
-TAILS = (
-    Case(
-        "exp(-|x|/p2): right, left, both by way of 0, reversed, empty, finite, in two scales",
-        program(3, _tail("p0", "p1", _DECAY, "v3", breaks=(0.0,), scale="p2"), "v9"),
-        (
-            (0.0, -INF, -INF, INF, INF, 0.0, 1.0, 1000.0, NAN),
-            (INF, 0.0, INF, 0.0, INF, 1.0, INF, INF, INF),
-            (1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1000.0, 1.0),
-        ),
-        ((1.0, 1.0, 2.0, -1.0, 0.0, -math.expm1(-1.0), math.exp(-1.0), 1000 * math.exp(-1.0), NAN),),
-        9,
-        2e-12,
-    ),
-    Case(
-        "(1 + x²)^-p2: right, left, both by way of 0, reversed, in two scales",
-        program(4, _tail("p0", "p1", _POWER, "v3", breaks=(0.0,), scale="p3", reach=325.0), "v9"),
-        (
-            (0.0, -INF, -INF, INF, INF, 0.0, 0.0, NAN),
-            (INF, 0.0, INF, 0.0, INF, INF, INF, INF),
-            (0.55, 0.75, 1.25, 0.6, 0.75, 3.0, 0.75, 0.75),
-            (1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1000.0, 1.0),
-        ),
-        ((_half(0.55), _half(0.75), 2.0 * _half(1.25), -_half(0.6), 0.0, _half(3.0), _half(0.75), NAN),),
-        8,
-        2e-12,
-    ),
-    Case(
-        "x^-p0 from 1, with several reaches",
-        program(2, _tail(1.0, INF, (let("v0", "neg", "p0"), let("v3", "pow", "x0", "v0")), "v3", reach="p1"), "v9"),
-        ((3.5, 1.5, 1.125), (20.0, 400.0, 600.0)),
-        ((0.4, 2.0, 8.0),),
-        3,
-        2e-12,
-    ),
-    Case(
-        "[x < 3]·x/(1 + x²)² with its break, decided in the middle of a tail",
-        program(
-            1,
-            _tail(
-                "p0",
-                INF,
-                (*_BELL, let("v4", "mul", "x0", "v2"), let("v5", "select", "b0", "v4", 0.0)),
-                "v5",
-                breaks=(3.0,),
-                flags=(let("v6", "sub", 3.0, "x0"), let("b0", "gt0", "v6")),
-            ),
-            "v9",
-        ),
-        ((0.0, 1.0, 4.0),),
-        ((0.45, 0.2, 0.0),),
-        3,
-        2e-12,
-    ),
-    Case(
-        "1/(√x·(1 + x)²): a bend, then a tail",
-        program(
-            0,
-            _tail(
-                0.0,
-                INF,
-                (
-                    let("v0", "sqrt", "x0"),
-                    let("v1", "add", 1.0, "x0"),
-                    let("v2", "powi", "v1", 2),
-                    let("v3", "mul", "v0", "v2"),
-                    let("v4", "div", 1.0, "v3"),
-                ),
-                "v4",
-                breaks=(1.0,),
-                bends=(Bend("root", (0.0, 1.0, 0.0)),),
-            ),
-            "v9",
-        ),
-        (),
-        (math.pi / 2,),
-        1,
-        2e-12,
-    ),
-)
-
-# Tolerances that are missed, and integrals that diverge
-
-
-def _missed(
-    name: str,
-    body: tuple[Stmt, ...],
-    values: tuple[Arg, ...],
-    expected: tuple[Row, ...],
-    columns: tuple[tuple[float, ...], ...] = (),
-    bounds: tuple[float, float] = (0.0, 1.0),
-    tolerance: float = 1e-12,
-    missed: bool = True,
-    **options: Any,
-) -> Case:
-    """∫ values over the bounds, to a tolerance that is missed, or nearly."""
-    results = tuple(f"vr{i}" for i in range(len(values)))
-    integral = integrate(" ".join(results), "x0", *bounds, body, *values, **{"rule": TIGHT, **options})
-    n = max(map(len, columns), default=1)
-    return Case(name, program(len(columns), (integral,), *results), columns, expected, n, tolerance, missed=missed)
-
-
-_C = 0.3
-_POWER = (let("v0", "pow", "x0", "p0"),)
-MISSED = (
-    _missed(
-        "1/√|x - 0.3|, no bend, no break: nearly right, and missed",
-        (let("v0", "sub", "x0", _C), let("v1", "abs", "v0"), let("v2", "sqrt", "v1"), let("v3", "div", 1.0, "v2")),
-        ("v3",),
-        (2 * (math.sqrt(_C) + math.sqrt(1 - _C)),),
-        tolerance=1e-7,
-    ),
-    _missed(
-        "1/x over (0, 1) is +inf, -1/x² is -inf, 1 beside them is 1",
-        (let("v0", "div", 1.0, "x0"), let("v1", "powi", "x0", -2), let("v2", "neg", "v1")),
-        ("v0", "v2", 1.0),
-        (INF, -INF, 1.0),
-    ),
-    _missed("1/x over (1, 0) is -inf", (let("v0", "div", 1.0, "x0"),), ("v0",), (-INF,), bounds=(1.0, 0.0)),
-    _missed(
-        "1/x with its pole at the end known is no better",
-        (let("v0", "div", 1.0, "x0"),),
-        ("v0",),
-        (INF,),
-        bends=(Bend("pole", (0.0, 1.0, 0.0)),),
-    ),
-    _missed(
-        "x^p0 with its singular end known is right",
-        _POWER,
-        ("v0",),
-        ((10.0, 2.0, 1.0, 1 / 1.1),),
-        ((-0.9, -0.5, 0.0, 0.1),),
-        bends=(Bend("end", (0.0, 1.0, 0.0)),),
-        rule=Adaptive(1e-7),
-        missed=False,
-        tolerance=1e-7,
-    ),
-    _missed("x^-0.9 with nothing known is called divergent", _POWER, ("v0",), (INF,), ((-0.9,),), rule=Adaptive(1e-7)),
-    _missed("x^-1.5 diverges whatever is known", _POWER, ("v0",), (INF,), ((-1.5,),), bends=(Bend("end", (0.0, 1.0, 0.0)),)),
-    _missed(
-        "a jump to a NaN is no divergence; what is not a number is not missed",
-        (let("v0", "sub", "x0", 0.25), let("b0", "gt0", "v0"), let("v1", "select", "b0", 1.0, NAN)),
-        ("v1",),
-        (NAN,),
-        missed=False,
-    ),
-    _missed(
-        "a watched jump is followed to WATCH_WIDTH and not missed",
-        (let("v0", "sub", "p0", "x0"), let("b0", "gt0", "v0"), let("v1", "select", "b0", 1.0, 0.0)),
-        ("v1",),
-        ((1 / 3, 0.1),),
-        ((1 / 3, 0.1),),
-        watch=("b0",),
-        missed=False,
-    ),
-)
-RESTLESS = program(  # ∫ sin(p0·x) dx, and ∫ [sin(p0·x) > 0] dx watched, over (0, 1)
-    1,
-    (
-        integrate("v8", "x0", 0.0, 1.0, (let("v0", "mul", "p0", "x0"), let("v1", "sin", "v0")), "v1", rule=TIGHT),
-        integrate(
-            "v9",
-            "x1",
-            0.0,
-            1.0,
-            (let("v2", "mul", "p0", "x1"), let("v3", "sin", "v2"), let("b0", "gt0", "v3"), let("v4", "select", "b0", 1.0, 0.0)),
-            "v4",
-            rule=Adaptive(1e-9),
-            watch=("b0",),
-        ),
-    ),
-    "v8",
-    "v9",
-)
-
-# Estimates
-
-_WAVE = (let("v0", "mul", "p0", "x0"), let("v1", "sin", "v0"), let("v2", "sqrt", "x0"), let("v3", "exp", "v0"))
-
-
-def estimated(rule: Adaptive | Gauss, estimates: int) -> Program:
-    """∫ sin(p0·x), exp(p0·x) and √x over (0, 1), the first of them with estimates, which are the last outputs."""
-    results, errors = "v7 v8 v9", " ".join(f"ve{i}" for i in range(estimates))
-    integral = integrate(results, "x0", 0.0, 1.0, _WAVE, "v1", "v3", "v2", rule=rule, estimates=errors)
-    return program(1, (integral,), *results.split(), *errors.split())
-
-
-def of_waves(p: float) -> tuple[float, float, float]:
-    """The values of `estimated`."""
-    return (1 - math.cos(p)) / p, math.expm1(p) / p, 2 / 3
-
-
 BENT = (*(case for case, _ in PLACES), TWO_BENDS, BALL, *TAILS, *MISSED)
-"""Every program here that has exact values."""
+"""Every program with exact values of this file, and of those of tails and of missed tolerances."""

@@ -21,17 +21,12 @@ from tests.backends.bend_programs import (
     BENT,
     FIELDS,
     INSIDE_PLACES,
-    MISSED,
     NODES,
     PLACES,
-    RESTLESS,
-    TAILS,
     TWO_BENDS,
     WHEN,
     Place,
-    estimated,
     of_places,
-    of_waves,
 )
 from tests.backends.c_checks import (
     LIMITS,
@@ -42,7 +37,9 @@ from tests.backends.c_checks import (
     lines_are_short,
     text_compiles_without_warnings,
 )
+from tests.backends.missed_programs import MISSED, RESTLESS, estimated, of_waves
 from tests.backends.programs import CASES, TIGHT, Case, columns, expected, integrate, let, program
+from tests.backends.tail_programs import TAILS
 
 needs_c = pytest.mark.skipif(not any(map(shutil.which, ("cc", "gcc", "clang"))), reason="needs a C compiler")
 QUICK = (*(PLACES[i][0] for i in (0, 2, 6, 7)), TWO_BENDS, TAILS[0], MISSED[1])

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import teg
-from tests.end_to_end.test_past_faults import gradient_of
+from tests.end_to_end.test_past_digits import gradient_of
 
 pytestmark = pytest.mark.usefixtures("x64_for_jax")
 

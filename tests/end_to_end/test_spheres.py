@@ -90,6 +90,25 @@ def test_a_curve_that_has_become_a_line_is_said() -> None:
     assert all(math.isnan(v) for v in gradient.values())
 
 
+def test_the_area_between_two_arcs_that_become_a_line_has_no_derivative() -> None:
+    """It grows with |u|. Without a guard both derivatives would be 0."""
+    f = teg.compile(over_square(B((u * u * (x + y + 3) > (x + y - t) ** 2) & (y > x))), [t, u], backend="numpy")
+    assert f(t=0.1, u=1e-3) == f(t=0.1, u=-1e-3) > 1e-3
+    with pytest.warns(teg.AccuracyWarning, match="not a number"):
+        gradient = f.grad(t=0.1, u=0.0)
+    assert math.isnan(gradient["u"])
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_root_without_weight_is_no_second_line(backend: str) -> None:
+    """[u·√(x² + y² + 0.1) > x - t]: its square has the line x = t twice where u is 0. The gradient there was twice as large."""
+    root = teg.sqrt(x**2 + y**2 + 0.1)
+    at = {"t": 0.1, "u": 0.0}
+    f = teg.compile(over_square(B(u * root > x - t)), [t, u], backend=backend)
+    on_the_line = math.sqrt(1.11) + 0.11 * math.asinh(1.0 / math.sqrt(0.11))  # the integral of the root over y at x = t
+    assert f.grad(**at) == pytest.approx({"t": 2.0, "u": on_the_line}, rel=1e-9)
+
+
 @pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("lift", [0.1, -0.1])
 def test_one_sphere_before_the_other(backend: str, lift: float) -> None:

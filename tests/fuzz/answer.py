@@ -11,7 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from tests.fuzz.reference import PAIRS, NoReferenceError, Real, Reference, depth_of
+from tests.fuzz.operations import Real
+from tests.fuzz.reference import PAIRS, NoReferenceError, Reference
+from tests.fuzz.switches import depth_of
 from tests.fuzz.syntax import Program, Term, walk
 
 

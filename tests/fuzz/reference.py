@@ -8,16 +8,16 @@ is also cut where the number or the order of the inner one's cuts changes; that 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from tests.fuzz.syntax import COMPARISONS, Program, Term, grounded, plain, walk
+from tests.fuzz.operations import Array, Real, result_of
+from tests.fuzz.switches import depth_of, has, switches_in
+from tests.fuzz.syntax import Program, Term, grounded, plain, walk
 
-Real = np.longdouble
-Array = Any
 EPS = float(np.finfo(Real).eps)
 CHUNK = 2**19
 """Points that are evaluated at once."""
@@ -129,12 +129,12 @@ class Reference:
                 return np.where(c, self._at(node.parts[1], at, depth), self._at(node.parts[2], at, depth))
             case "<" | "<=" | ">" | ">=":  # beside a singularity the sides may be equal to rounding, their difference is known
                 gap = self._at(node.parts[0] - node.parts[1], at, depth)
-                return _operation(node, (gap, np.zeros_like(gap)))
+                return result_of(node, (gap, np.zeros_like(gap)))
             case "-":
                 gap = _exact_gap(node, at, lambda p: self._at(p, at, depth))
                 if gap is not None:
                     return gap
-        return _operation(node, [self._at(p, at, depth) for p in node.parts])
+        return result_of(node, [self._at(p, at, depth) for p in node.parts])
 
     def _integral(self, node: Term, at: Points, depth: int) -> Array:
         lo, hi = (self._at(p, at, depth) for p in node.parts[1:])
@@ -183,7 +183,7 @@ class Reference:
         """Cuts of an integral: rows, places, and which switch each is of; and for every point the state at its lower bound."""
         body, var = node.parts[0], node.data
         if node not in self.switches:
-            self.switches[node] = _switches(body, var)
+            self.switches[node] = switches_in(body, var)
         found: list[tuple[Array, Array, Array]] = []
         starts = np.zeros(at.n, np.uint64)
         samples = self._samples(at, lo, hi, depth)
@@ -383,150 +383,10 @@ def _exact_gap(node: Term, at: Points, value: Any) -> Array | None:
     """u - v where one of the two is a variable that is known as anchor + offset: nothing cancels near the anchor."""
     first, second = node.parts
     for k, (one, other) in enumerate(((first, second), (second, first))):
-        if one.op == "variable" and one.data in at.anchors and not _has(other, one.data):
+        if one.op == "variable" and one.data in at.anchors and not has(other, one.data):
             anchor, offset = at.anchors[one.data]
             c = value(other)
             gap = anchor - c
             gap = np.where(np.abs(gap) <= 8 * EPS * (np.abs(anchor) + np.abs(c)), Real(0), gap) + offset
             return gap if k == 0 else -gap
     return None
-
-
-def _operation(node: Term, v: Sequence[Array]) -> Array:
-    match node.op:
-        case "+":
-            return v[0] + v[1]
-        case "-":
-            return v[0] - v[1]
-        case "*":
-            return v[0] * v[1]
-        case "/":
-            return v[0] / v[1]
-        case "neg":
-            return -v[0]
-        case "abs":
-            return np.abs(v[0])
-        case "pow":
-            exponent = node.parts[1]
-            if exponent.op == "number" and exponent.data == int(exponent.data) and 0 <= exponent.data <= 4:
-                return _small_power(v[0], int(exponent.data))
-            return v[0] ** v[1]
-        case "<":
-            return v[0] < v[1]
-        case "<=":
-            return v[0] <= v[1]
-        case ">":
-            return v[0] > v[1]
-        case ">=":
-            return v[0] >= v[1]
-        case "and":
-            return v[0] & v[1]
-        case "or":
-            return v[0] | v[1]
-        case "not":
-            return ~v[0]
-        case "min":
-            return np.minimum(v[0], v[1])
-        case "max":
-            return np.maximum(v[0], v[1])
-        case "bracket":
-            return v[0].astype(Real)
-        case "call":
-            return _call(node.data, v)
-    raise ValueError(node.op)
-
-
-def _small_power(u: Array, n: int) -> Array:
-    result = np.ones_like(u)
-    for _ in range(n):
-        result = result * u
-    return result
-
-
-def _call(name: str, v: Sequence[Array]) -> Array:
-    match name:
-        case "asin" | "acos" | "atan":
-            return getattr(np, "arc" + name[1:])(v[0])
-        case "atan2":
-            return np.arctan2(v[0], v[1])
-        case "mod":
-            return v[0] - v[1] * np.floor(v[0] / v[1])
-        case "round":
-            return np.floor(v[0] + Real(0.5))
-    return getattr(np, name)(v[0])
-
-
-def depth_of(tree: Term) -> int:
-    """How many integrals stand inside each other."""
-    return (tree.op == "integral") + max((depth_of(p) for p in tree.parts), default=0)
-
-
-def _has(tree: Term, var: str) -> bool:
-    return any(n.op == "variable" and n.data == var for n in walk(tree))
-
-
-def _switches(body: Term, var: str) -> list[tuple[str, Term]]:
-    """Functions at whose roots an integrand may be anything but smooth, or turn quickly ("roots"); and the integrals inside it that depend
-    on the variable ("cuts")."""
-    found: dict[tuple[str, Term], None] = {}
-
-    def note(node: Term) -> None:
-        for switch in _switches_of(node):
-            if _has(switch, var):
-                found["roots", switch] = None
-
-    def visit(node: Term) -> None:
-        if node.op == "integral":
-            if _has(node, var):
-                for bound in node.parts[1:]:
-                    visit(bound)
-                found["cuts", node] = None
-                for n in walk(node.parts[0]):  # what does not depend on the inner variable
-                    if n.op != "integral" and not _has(n, node.data) and _has(n, var) and not _bound_inside(node.parts[0], n):
-                        note(n)
-            return
-        for p in node.parts:
-            visit(p)
-        if _has(node, var):
-            note(node)
-
-    visit(body)
-    return list(found)
-
-
-def _bound_inside(body: Term, node: Term) -> bool:
-    """Whether a node has variables of integrals inside a body."""
-    return any(n.op == "integral" and _has(node, n.data) for n in walk(body))
-
-
-def _switches_of(node: Term) -> list[Term]:
-    p = node.parts
-    if node.op in (*COMPARISONS, "min", "max"):
-        return [p[0] - p[1]]
-    if node.op == "abs":
-        return [p[0]]
-    if node.op == "pow" and p[1].op == "number" and p[1].data in (0.0, 1.0, 2.0, 3.0):
-        return [p[0]] if p[0].op != "variable" else []
-    if node.op == "pow":
-        return [p[0]]
-    if node.op == "*" and p[0] == p[1] and p[0].op != "variable":
-        return [p[0]]
-    if node.op == "/":
-        return [p[1]]
-    if node.op == "call":
-        pi = Term("number", (), float(np.pi))
-        match node.data:
-            case "floor" | "ceil":
-                return [Term("call", (pi * p[0],), "sin")]
-            case "round":
-                return [Term("call", (pi * p[0],), "cos")]
-            case "mod":
-                return [Term("call", (pi * (p[0] / p[1]),), "sin")]
-            case "asin" | "acos":
-                return [p[0] - 1, p[0] + 1, p[0]]
-            case "log":
-                return [p[0], p[0] - 1]
-            case "sin" | "cos":
-                return []
-        return list(p)
-    return []

@@ -228,4 +228,14 @@ IN_BACKENDS: tuple[Mutant, ...] = (
         ("intervals inside of others, in C", "end = fmax(end, q);", "end = q;"),
         ("borders that nearly touch, in C", "g->doubtful += ties[n + 1] > 0.0;", ""),
     ),
+    *mutants(
+        "backends/shared/roots.py",
+        ("tests/analysis/test_breaks.py",),
+        ("boxes in which rounding decides the sign", "bent_up, noise = bounds\n", "bent_up, noise = (*bounds[:6], 0.0)\n"),
+    ),
+    *mutants(
+        "backends/shared/roots.py",
+        ("tests/backends/numpy/test_isolate.py",),
+        ("boxes in which a function is 0", "((least == 0.0) & (most == 0.0))", "False"),
+    ),
 )

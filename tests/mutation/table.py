@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from tests.mutation.in_analyses import IN_ANALYSES
 from tests.mutation.in_backends import IN_BACKENDS
 from tests.mutation.in_passes import IN_PASSES
 from tests.mutation.mutant import JAX, NUMPY, SMALL, C, Mutant, mutants
@@ -413,6 +414,7 @@ MUTANTS: tuple[Mutant, ...] = (
         ("tests/passes/eliminate/test_charts.py",),
         ("the name of a chart's variable", "return cast(Expr, rename_apart(e, clashing)) if clashing else e", "return e"),
     ),
+    *IN_ANALYSES,
     *IN_PASSES,
     *IN_BACKENDS,
 )

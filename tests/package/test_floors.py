@@ -6,6 +6,7 @@ import ast
 import subprocess
 import sys
 import tomllib
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -47,9 +48,15 @@ def modules() -> dict[str, Path]:
 MODULES = modules()
 
 
+@cache
+def import_statements(path: Path) -> list[ast.Import | ast.ImportFrom]:
+    """The imports of a file, anywhere in it."""
+    return [node for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(node, ast.Import | ast.ImportFrom)]
+
+
 def packages(path: Path) -> set[str]:
     """The packages that a file imports from, anywhere in it."""
-    nodes = list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
+    nodes = import_statements(path)
     names = [alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names]
     names += [str(node.module) for node in nodes if isinstance(node, ast.ImportFrom)]
     return {name.split(".")[0] for name in names}
@@ -58,10 +65,10 @@ def packages(path: Path) -> set[str]:
 def imports(path: Path) -> set[str]:
     """The modules of teg that a file imports, anywhere in it."""
     names: set[str] = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in import_statements(path):
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom):
+        else:
             assert node.level == 0, f"{path}: imports are absolute"
             for alias in node.names:
                 full = f"{node.module}.{alias.name}"
@@ -102,9 +109,11 @@ def test_statements_of_intrinsics_are_named_by_intrinsics_only() -> None:
     assert {"Polygon", "Hyperbola"} <= of_intrinsics
     for module, path in MODULES.items():
         if module.startswith("teg.") and not module.startswith(("teg.program", "teg.backends", "teg.examples", "teg.passes.intrinsics")):
-            nodes = ast.walk(ast.parse(path.read_text(encoding="utf-8")))
             named = {
-                a.name for n in nodes if isinstance(n, ast.ImportFrom) and n.module and n.module.startswith("teg.program") for a in n.names
+                a.name
+                for n in import_statements(path)
+                if isinstance(n, ast.ImportFrom) and n.module and n.module.startswith("teg.program")
+                for a in n.names
             }
             assert named.isdisjoint(of_intrinsics), module
 

@@ -56,7 +56,7 @@ ELSEWHERE = {
         "plan": "tests/evaluator/test_evaluator.py",
         "tabled": "tests/end_to_end/test_alike_terms.py",
     },
-    "teg/interop": {"pytrees": "tests/interop/test_jax.py"},
+    "teg/interop": {"pytrees": "tests/interop/test_jax_arguments.py"},
     "teg/ir": {
         "cells": "tests/ir/test_arrays.py",
         "index": "tests/ir/test_integers_and_masks.py",
