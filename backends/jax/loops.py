@@ -27,9 +27,10 @@ from teg.backends.jax.kernel import JaxKernel
 from teg.backends.jax.lengths import Extents
 from teg.backends.jax.runtime import MISSED, union
 from teg.backends.jax.scatters import added, added_by_rows
+from teg.backends.jax.side_by_side import SideBySide, side_by_side
 from teg.backends.plan import exactly
 from teg.backends.shared.cells import most_candidates
-from teg.program import Program
+from teg.program import Program, free_names
 from teg.program.arrays import (
     AddTo,
     Arg,
@@ -73,7 +74,7 @@ class ArrayFunction:
     """A program as a function; `source` is the text of its flat programs, `room` how many iterations may run at a time."""
 
     def __init__(self, program: ArrayProgram, compile: Callable[[Program], JaxKernel], room: int = BLOCK) -> None:
-        self.program = program
+        self.program = program = side_by_side(program)
         kernels = {id(s): compile(s.program) for s in steps(program.body) if isinstance(s, Run)}
         self.source = "\n".join(k.source for k in kernels.values())
         self._runs = {k: kernel.run for k, kernel in kernels.items()}
@@ -138,6 +139,7 @@ class _Trace:
     def __init__(self, function: ArrayFunction, arrays: Sequence[Any], extents: Extents) -> None:
         self.function, self.arrays, self.lengths, self.widest = function, arrays, extents.lengths, extents.widest
         self.tables: dict[str, Any] = {}
+        self.read: dict[int, set[str]] = {}  # the names that a step reads
         self.lanes: dict[str, Any] = {}  # the lane of each row of a table that Cells have left
 
     def block(self, block: Sequence[Step], lanes: _Lanes, targets: Targets, note: Any) -> tuple[Targets, Any]:
@@ -158,6 +160,8 @@ class _Trace:
                     note = note | self._run(step, lanes)
                 case Gaps():
                     note = self._gaps(step, lanes, note)
+                case SideBySide():
+                    note = self._side_by_side(step, lanes, note)
                 case Least() | Factors() | Cells() | Rows():
                     note = self._fold(step, lanes, note)
                 case Loop():
@@ -269,7 +273,13 @@ class _Trace:
         counts = jnp.maximum(jnp.broadcast_to(jnp.asarray(_of(step.hi, lanes) - _of(step.lo, lanes), jnp.int64), (lanes.size,)), 0)
         counts = counts if lanes.live is None else jnp.where(lanes.live, counts, 0)
         inner, parent = lanes, jnp.zeros(0, jnp.int64)
-        if total:
+        lo, hi = _of(step.lo, lanes), _of(step.hi, lanes)
+        if total and isinstance(lo, int) and isinstance(hi, int) and lanes.live is None:
+            values = self._repeated(step, lanes, hi - lo)
+            values[step.index] = jnp.broadcast_to(jnp.arange(lo, hi), (lanes.size, hi - lo)).reshape(-1)
+            inner, parent = _Lanes(values, total, None), _Repeated(jnp.arange(lanes.size), hi - lo).spread()
+            _, note = self.block(step.body, inner, {}, note)
+        elif total:
             inner, parent = self._inside(step, lanes, _Block(0, total, total), total, jnp.cumsum(counts))
             _, note = self.block(step.body, inner, {}, note)
         return inner, parent, counts, note
@@ -297,7 +307,7 @@ class _Trace:
             at = lax.dynamic_slice(order, (start,), (room,))
             here = start + jnp.arange(room) < count
             lane = jnp.where(here, found.lane[at], 0)
-            given = {name: v[lane] if getattr(v := _of(name, lanes), "ndim", 0) else v for name in lanes.values}
+            given = self._taken(step, lanes, lane)
             given[step.left] = jnp.where(here, found.left[at], 0.0)
             given[step.right] = jnp.where(here, found.right[at], 0.0)
             within = _Lanes(given, room, here)
@@ -312,6 +322,45 @@ class _Trace:
         named = zip((*step.results, *step.doubtful), (*sums, doubtful), strict=False)
         lanes.values.update((name, v[0] if single else v) for name, v in named)
         return note
+
+    def _side_by_side(self, step: SideBySide, lanes: _Lanes, note: Any) -> Any:
+        """Steps for each row of a lane, which has a lane of its own."""
+        width, size = step.width, lanes.size
+        live = None if lanes.live is None else _Repeated(lanes.live, width).spread()
+        given = self._repeated(step, lanes, width)
+        for name, column in zip(step.names, step.rows, strict=True):
+            entries = [jnp.broadcast_to(jnp.asarray(_of(a, lanes), jnp.float64), (size,)) for a in column]
+            given[name] = jnp.stack(entries, axis=1).reshape(-1)
+        inner = _Lanes(given, size * width, live)
+        _, note = self.block(step.body, inner, {}, note)
+        found = [jnp.broadcast_to(_of(v, inner), (size * width,)).reshape(size, width) for v in step.values]
+        single = size == 1 and lanes.live is None
+        rows = [v[0, k] if single else v[:, k] for k in range(width) for v in found]
+        lanes.values.update(zip(step.results, rows, strict=True))
+        return note
+
+    def _read(self, step: Step, lanes: _Lanes) -> tuple[dict[Arg, Any], dict[Arg, Any]]:
+        """The values that a step may read, on lanes inside of it: those that all lanes share, and those that each has."""
+        if id(step) not in self.read:
+            self.read[id(step)] = set(free_names(step))
+        read = self.read[id(step)]
+        values = {name: _of(name, lanes) for name, v in lanes.values.items() if name in read or isinstance(v, int)}
+        own = {name: v for name, v in values.items() if getattr(v, "ndim", 0)}
+        return {name: v for name, v in values.items() if name not in own}, own
+
+    def _repeated(self, step: Step, lanes: _Lanes, width: int) -> dict[Arg, Any]:
+        """The values that a step may read, on `width` lanes each."""
+        shared, own = self._read(step, lanes)
+        return shared | {name: _Repeated(v, width).spread() for name, v in own.items()}
+
+    def _taken(self, step: Step, lanes: _Lanes, lane: Any) -> dict[Arg, Any]:
+        """The values that a step may read, on other lanes, whose own one is `lane`: numbers in double precision by one gather."""
+        shared, own = self._read(step, lanes)
+        numbers = [name for name, v in own.items() if v.dtype == jnp.float64]
+        table = jnp.stack([own[name] for name in numbers]) if numbers else jnp.zeros((0, lanes.size))
+        taken = dict(zip(numbers, table.at[:, lane].get(mode="promise_in_bounds"), strict=True))
+        others = {name: v.at[lane].get(mode="promise_in_bounds") for name, v in own.items() if name not in taken}
+        return shared | taken | others
 
     def _cells(self, step: Cells, lanes: _Lanes, rows: Any, counts: Any) -> list[Any]:
         others = jnp.stack([jnp.broadcast_to(jnp.asarray(_of(v, lanes), jnp.float64), (lanes.size,)) for v in step.otherwise], axis=1)
@@ -361,7 +410,7 @@ class _Trace:
         width = end - first
         rows = min(self.function._blocks[id(step)] // width, lanes.size)
         count = -(-lanes.size // rows)
-        if not any(isinstance(s, Loop) for s in step.body):
+        if not any(isinstance(s, Loop | SideBySide) for s in step.body):
             rows = -(-lanes.size // count)  # little is wasted in the last block
 
         def block(carried: Any, start: Any) -> Any:
@@ -398,7 +447,7 @@ class _Trace:
             length = jnp.maximum(length, 0)
             ends = jnp.cumsum(length if lanes.live is None else jnp.where(lanes.live, length, 0))
         count = -(-total // cap)
-        if count > 1 and not any(isinstance(s, Loop) for s in step.body):
+        if count > 1 and not any(isinstance(s, Loop | SideBySide) for s in step.body):
             cap = -(-total // count)  # little is wasted in the last block
 
         def part(start: Any, size: int, known: int | None, targets: Targets, note: Any) -> tuple[Any, Targets, Any]:
@@ -441,7 +490,8 @@ class _Trace:
             before = jnp.where(parent > 0, ends[jnp.maximum(parent - 1, 0)], 0)
             lo = jnp.broadcast_to(jnp.asarray(_of(step.lo, lanes)), (lanes.size,))
             index = lo[parent] + flat - before
-        values = {name: v[parent] if getattr(v := _of(name, lanes), "ndim", 0) else v for name in lanes.values}
+        shared, own = self._read(step, lanes)
+        values = shared | {name: v.at[parent].get(mode="promise_in_bounds") for name, v in own.items()}
         values[step.index] = index
         return _Lanes(values, size, live), parent
 
