@@ -22,7 +22,7 @@ import numpy as np
 from jax import lax
 
 from teg.backends.jax.cells import cells_on_host, cells_with_most
-from teg.backends.jax.gaps import gaps_of_lanes
+from teg.backends.jax.gaps import gaps_of_lanes, places_of
 from teg.backends.jax.kernel import JaxKernel
 from teg.backends.jax.lengths import Extents
 from teg.backends.jax.runtime import MISSED, union
@@ -298,14 +298,14 @@ class _Trace:
         doubtful = jax.ops.segment_sum(_live(jnp.where(values[-1] > 0.0, 1.0, 0.0), inner), parent, size) if total else jnp.zeros(size)
         note = note | jnp.where(jnp.any(doubtful > 0.0), MISSED, 0)
         live = found.live if lanes.live is None else found.live & lanes.live[jnp.minimum(found.lane, size - 1)]
-        order, count = jnp.argsort(~live, stable=True), jnp.sum(live)
-        room = min(len(order), max(size, FEW_GAPS))
-        order = jnp.concatenate([order, jnp.full(-len(order) % room, order[0])])
+        counts = jnp.cumsum(live)
+        count, room = counts[-1], min(len(live), max(size, FEW_GAPS))
 
         def some(carried: Any) -> Any:
             start, sums, note = carried
-            at = lax.dynamic_slice(order, (start,), (room,))
-            here = start + jnp.arange(room) < count
+            number = start + jnp.arange(room)
+            here = number < count
+            at = jnp.where(here, places_of(number, counts), 0)
             lane = jnp.where(here, found.lane[at], 0)
             given = self._taken(step, lanes, lane)
             given[step.left] = jnp.where(here, found.left[at], 0.0)
