@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import count
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, NamedTuple, cast
 
 from teg.backends.branches import Uses
 from teg.backends.jax.alike import Rows, with_group_as_rows
@@ -233,8 +233,8 @@ def _line(read: _Read, lookups: _Lookups, before: Sequence[Assign], places: Mapp
     inside, terms = _renamed(read.gap, f"{MARK}g", {**places, step.left: ends[0], step.right: ends[1]})
     first = _at(step.first, places)
     value, term = (dict(zip(run.results, given, strict=True)) for run, given in ((read.candidate, values), (read.gap, terms)))
-    last, values = _at(step.last, places), tuple(_at(a, {**places, **read.names, **value}) for a in step.values)
-    needed = (*free_in(body), *free_in(inside), first, last, *values)
+    last, found = _at(step.last, places), tuple(_at(a, {**places, **read.names, **value}) for a in step.values)
+    needed = (*free_in(body), *free_in(inside), first, last, *found)
     return _Line(
         tuple(lookups.steps.values()),
         ends,
@@ -242,7 +242,7 @@ def _line(read: _Read, lookups: _Lookups, before: Sequence[Assign], places: Mapp
         first,
         last,
         tuple(body),
-        values,
+        found,
         tuple(inside),
         tuple(_at(a, {**places, **term}) for a in step.terms),
         step.results,
@@ -264,7 +264,7 @@ def _step(rows: Rows, group: Sequence[_Read], lookups: _Lookups, numbers: Iterat
     names.booleans |= {n for n, column in zip(rows.names, rows.rows, strict=True) if any(isinstance(a, bool) for a in column)}
     before = (*own, *line.before)
     made = {name for s in before for name in assigned(s)}
-    outer = names.run(before, [a for a in (*free_in((replace(line, before=()),)), line.first, line.last) if a in made])
+    outer = names.run(before, [a for a in (*free_names(cast(Any, replace(line, before=()))), line.first, line.last) if a in made])
     found = [replace(renamed(s, {**looked_up, INDEX: first.index}), name=looked_up[n]) for s, n in lookups.steps.items()]
     candidate = names.run(line.body, line.values, group[0].candidate.program)
     gap = names.run(line.inside, line.terms, group[0].gap.program)
