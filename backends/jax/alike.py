@@ -30,6 +30,7 @@ from itertools import count
 from typing import Annotated, Any
 
 from teg.backends.branches import Uses
+from teg.backends.jax.in_common import in_common
 from teg.backends.jax.matching import Matching, Unlike, settings_of
 from teg.program import Adaptive, Arg, Assign, Integrate, Isolate, Locate, Program, assigned, statements
 from teg.program.dce import without_dead_code
@@ -94,6 +95,8 @@ def with_group_as_rows(
     if found is None:
         return None
     rows, selects = found
+    if any(map(_has_common, group)) and not _has_common(rows.body[-1]):
+        return None  # a search would stand twice
     changed = _live(_with(stmts, group, rows, uses[0]), needed, uses[1])
     return None if selects and _cost(stmts) - _cost(changed) < SPARED * _cost(group) else changed
 
@@ -119,6 +122,11 @@ def _cost(block: Iterable[Any]) -> int:
     """Returns what a block costs XLA, in statements."""
     loops = (Isolate, Locate)
     return sum(LOOP if isinstance(s, loops) or isinstance(getattr(s, "rule", None), Adaptive) else 1 for s in statements(tuple(block)))
+
+
+def _has_common(stmt: Any) -> bool:
+    """Whether the flags and the body of an integral have a search in common."""
+    return isinstance(stmt, Integrate) and in_common(stmt) is not None
 
 
 def _independent(stmts: Sequence[Any], group: Sequence[Any], uses: Uses) -> bool:
