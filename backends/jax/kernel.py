@@ -58,6 +58,8 @@ from teg.program import (
 
 LANES = 2**22
 """The batch is cut so that its elements, times the nodes of each, are about this many."""
+FEW = 12
+"""Parameters that a loop over the orders of ties keeps one by one; more are an array, since XLA computes each in a kernel of its own."""
 ODD, TINY = 1.8275645e-301, 2.0**-1022
 """A number that no parameter happens to be, and one so small that it would not matter if one were."""
 
@@ -155,10 +157,12 @@ class JaxKernel:
 
         jnp = jax.numpy
         given = [jnp.asarray(a, jnp.float64) for a in arguments]
+        given = [jnp.stack(given)] if len(given) > FEW else given
 
         def turn(at: tuple[Any, Any, Any]) -> tuple[Any, Any, Any]:
             number, outputs, note = at
             _, *held = barrier(number, *given)
+            held = list(held[0]) if len(arguments) > FEW else held
             found, noted = self._once(1 - 2 * number, held)
             both = tuple(jnp.where(number == 0, new, 0.5 * old + 0.5 * new) for old, new in zip(outputs, found, strict=True))
             return number + 1, both, note | noted

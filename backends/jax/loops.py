@@ -12,9 +12,8 @@ Shapes are static: how many iterations a loop has is found out before it is trac
 
 from __future__ import annotations
 
-import operator
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import jax
 import jax.numpy as jnp
@@ -22,14 +21,16 @@ import numpy as np
 from jax import lax
 
 from teg.backends.jax.cells import cells_on_host, cells_with_most
-from teg.backends.jax.gaps import gaps_of_lanes
+from teg.backends.jax.gaps import gaps_of_lanes, places_of
 from teg.backends.jax.kernel import JaxKernel
+from teg.backends.jax.lanes import ARITHMETIC, NOWHERE, Lanes, Repeated, least_of_segments, live_terms, nowhere_or, of_lanes, row_of
 from teg.backends.jax.lengths import Extents
 from teg.backends.jax.runtime import MISSED, union
 from teg.backends.jax.scatters import added, added_by_rows
+from teg.backends.jax.side_by_side import SideBySide, side_by_side
 from teg.backends.plan import exactly
 from teg.backends.shared.cells import most_candidates
-from teg.program import Program
+from teg.program import Program, free_names
 from teg.program.arrays import (
     AddTo,
     Arg,
@@ -53,13 +54,6 @@ from teg.program.arrays import (
     steps,
 )
 
-NOWHERE = -(2**63)
-"""What stands for an integer that is not known: an entry of an index array beyond its ends, and all that is computed from it, or a result
-that 64 bits do not hold. An entry there is NaN."""
-_JAX: dict[str, Callable[[Any, Any], Any]] = {
-    "add": operator.add, "sub": operator.sub, "mul": operator.mul, "floordiv": operator.floordiv, "mod": operator.mod,
-    "min": jnp.minimum, "max": jnp.maximum,
-}  # fmt: skip
 BLOCK, WIDE_BLOCK = 2**17, 2**22
 """Iterations that run at a time, at most: on CPUs, whose caches hold so many, and on other devices, which need as many to be busy."""
 
@@ -73,7 +67,7 @@ class ArrayFunction:
     """A program as a function; `source` is the text of its flat programs, `room` how many iterations may run at a time."""
 
     def __init__(self, program: ArrayProgram, compile: Callable[[Program], JaxKernel], room: int = BLOCK) -> None:
-        self.program = program
+        self.program = program = side_by_side(program)
         kernels = {id(s): compile(s.program) for s in steps(program.body) if isinstance(s, Run)}
         self.source = "\n".join(k.source for k in kernels.values())
         self._runs = {k: kernel.run for k, kernel in kernels.items()}
@@ -89,12 +83,12 @@ class ArrayFunction:
         numbers = [k for k, a in enumerate(self.program.arrays) if a.integers]
         entries = {k: v for k, v in zip(numbers, indices, strict=False) if v is not None}
         run = _Trace(self, arrays, Extents(self.program, self._blocks, shapes, counted, entries))
-        lanes = _Lanes({f"p{k}": v for k, v in enumerate(scalars)}, 1, None)
+        lanes = Lanes({f"p{k}": v for k, v in enumerate(scalars)}, 1, None)
         targets: Targets = {j: jnp.zeros(shapes[output.array]) for j, output in enumerate(self.program.outputs) if isinstance(output, Like)}
         targets, note = run.block(self.program.body, lanes, targets, jnp.int32(0))
         found = []
         for j, output in enumerate(self.program.outputs):
-            value = targets[j] if isinstance(output, Like) else jnp.asarray(_of(output, lanes), jnp.float64)
+            value = targets[j] if isinstance(output, Like) else jnp.asarray(of_lanes(output, lanes), jnp.float64)
             found.append(value.reshape(()) if not isinstance(output, Like) else value)
         return found, note
 
@@ -107,40 +101,16 @@ class _Block(NamedTuple):
     known: int | None
 
 
-class _Lanes(NamedTuple):
-    """Values on lanes: `size` of them; those that are not `live` (None: all are) repeat another one."""
-
-    values: dict[Arg, Any]
-    size: int
-    live: Any
-
-
-class _Repeated(NamedTuple):
-    """A value that is the same on all lanes of a row; `rows` has one for each row."""
-
-    rows: Any
-    width: int
-
-    def spread(self) -> Any:
-        return jnp.broadcast_to(self.rows[:, None], (len(self.rows), self.width)).reshape(-1)
-
-
-def _of(arg: Arg, lanes: _Lanes) -> Any:
-    if isinstance(arg, int | float):
-        return arg
-    value = lanes.values[arg]
-    return value.spread() if isinstance(value, _Repeated) else value
-
-
 class _Trace:
     """One trace of a program, in which loops have known extents."""
 
     def __init__(self, function: ArrayFunction, arrays: Sequence[Any], extents: Extents) -> None:
         self.function, self.arrays, self.lengths, self.widest = function, arrays, extents.lengths, extents.widest
         self.tables: dict[str, Any] = {}
+        self.read: dict[int, set[str]] = {}  # the names that a step reads
         self.lanes: dict[str, Any] = {}  # the lane of each row of a table that Cells have left
 
-    def block(self, block: Sequence[Step], lanes: _Lanes, targets: Targets, note: Any) -> tuple[Targets, Any]:
+    def block(self, block: Sequence[Step], lanes: Lanes, targets: Targets, note: Any) -> tuple[Targets, Any]:
         """The steps of a block on lanes, which get their values; targets of scatters, and the note. Recursion is as deep as loops are."""
         targets = dict(targets)
         for step in block:
@@ -148,7 +118,7 @@ class _Trace:
                 case Integers():
                     lanes.values[step.name] = self._integers(step, lanes)
                 case Number():
-                    number = jnp.asarray(_of(step.integer, lanes), jnp.float64)
+                    number = jnp.asarray(of_lanes(step.integer, lanes), jnp.float64)
                     lanes.values[step.name] = (
                         jnp.where(number == NOWHERE, jnp.nan, number) if step.integer in self.function._traced else number
                     )
@@ -158,6 +128,8 @@ class _Trace:
                     note = note | self._run(step, lanes)
                 case Gaps():
                     note = self._gaps(step, lanes, note)
+                case SideBySide():
+                    note = self._side_by_side(step, lanes, note)
                 case Least() | Factors() | Cells() | Rows():
                     note = self._fold(step, lanes, note)
                 case Loop():
@@ -165,41 +137,41 @@ class _Trace:
                 case Combined():
                     self._combined(step, lanes)
                 case Blank():
-                    targets[step.table] = jnp.zeros((_of(step.rows, lanes), step.columns))
+                    targets[step.table] = jnp.zeros((of_lanes(step.rows, lanes), step.columns))
                     lanes.values[step.table] = 0
                 case AddTo():
                     targets[step.table] = self._added(targets[step.table], (step.row, step.column), step.value, lanes)
                 case Take():
-                    rows = _of(step.table, lanes) + _of(step.row, lanes)
+                    rows = of_lanes(step.table, lanes) + of_lanes(step.row, lanes)
                     table = targets[step.table] if step.table in targets else self.tables[step.table]
                     known = not self.function._traced.intersection([step.row])
-                    lanes.values[step.name] = table[rows, step.column] if known else _row_of(table, rows, step.column)
+                    lanes.values[step.name] = table[rows, step.column] if known else row_of(table, rows, step.column)
                 case Scatter():
                     targets[step.output] = self._added(targets[step.output], step.subscripts, step.value, lanes)
         return targets, note
 
-    def _added(self, target: Any, places: Sequence[Arg], value: Arg, lanes: _Lanes) -> Any:
-        terms = _live(jnp.broadcast_to(_of(value, lanes), (lanes.size,)), lanes)
-        return self.function.add(target, [_of(p, lanes) for p in places], terms)
+    def _added(self, target: Any, places: Sequence[Arg], value: Arg, lanes: Lanes) -> Any:
+        terms = live_terms(jnp.broadcast_to(of_lanes(value, lanes), (lanes.size,)), lanes)
+        return self.function.add(target, [of_lanes(p, lanes) for p in places], terms)
 
-    def _integers(self, step: Integers, lanes: _Lanes) -> Any:
+    def _integers(self, step: Integers, lanes: Lanes) -> Any:
         if step.op == "length":
             return self.arrays[step.array].shape[int(step.args[0])]
         if step.op == "param":
             return lanes.values[f"p{step.args[0]}"]
         if step.op == "gather":
             return self._entry(step.array, step.args, lanes)
-        a, b = (_of(arg, lanes) for arg in step.args)
+        a, b = (of_lanes(arg, lanes) for arg in step.args)
         if isinstance(a, int) and isinstance(b, int):
             return int(exactly(step.op, np.asarray(a), np.asarray(b)))
         if step.name in self.function._traced:
-            return _nowhere_or(step.op, a, b)
-        return _JAX[step.op](a, b)
+            return nowhere_or(step.op, a, b)
+        return ARITHMETIC[step.op](a, b)
 
-    def _entry(self, k: int, subscripts: Sequence[Arg], lanes: _Lanes) -> Any:
+    def _entry(self, k: int, subscripts: Sequence[Arg], lanes: Lanes) -> Any:
         """An entry; where a subscript is out of its range, which only traced index arrays can be, NaN or NOWHERE."""
         array = self.arrays[k]
-        places = tuple(_of(p, lanes) for p in subscripts)
+        places = tuple(of_lanes(p, lanes) for p in subscripts)
         floating = jnp.issubdtype(array.dtype, jnp.floating)
         if not self.function._traced.intersection(subscripts):  # checked before
             return array.at[places].get(mode="fill", wrap_negative_indices=False).astype(jnp.float64 if floating else jnp.int64)
@@ -209,10 +181,10 @@ class _Trace:
         found = array.at[tuple(jnp.where(inside, place, 0) for place in places)].get(mode="fill", fill_value=0)
         return jnp.where(inside, found, jnp.nan) if floating else jnp.where(inside, found.astype(jnp.int64), NOWHERE)
 
-    def _run(self, step: Run, lanes: _Lanes) -> Any:
+    def _run(self, step: Run, lanes: Lanes) -> Any:
         run = self.function._runs[id(step)]
         given = [a if isinstance(a, int | float) else lanes.values[a] for a in step.inputs]
-        if any(isinstance(v, _Repeated) for v in given):
+        if any(isinstance(v, Repeated) for v in given):
             return self._run_in_rows(step, given, lanes)
         columns = [jnp.asarray(v, jnp.float64) for v in given]
         axes = tuple(0 if c.ndim else None for c in columns)
@@ -224,23 +196,23 @@ class _Trace:
         lanes.values.update(zip(step.results, found, strict=True))
         return union(notes)
 
-    def _run_in_rows(self, step: Run, given: Sequence[Any], lanes: _Lanes) -> Any:
+    def _run_in_rows(self, step: Run, given: Sequence[Any], lanes: Lanes) -> Any:
         """The same on a matrix of lanes, where some values are those of a row."""
-        width = next(v.width for v in given if isinstance(v, _Repeated))
-        columns = [jnp.asarray(v.rows if isinstance(v, _Repeated) else v, jnp.float64) for v in given]
-        columns = [c if isinstance(v, _Repeated) or not c.ndim else c.reshape(-1, width) for c, v in zip(columns, given, strict=True)]
+        width = next(v.width for v in given if isinstance(v, Repeated))
+        columns = [jnp.asarray(v.rows if isinstance(v, Repeated) else v, jnp.float64) for v in given]
+        columns = [c if isinstance(v, Repeated) or not c.ndim else c.reshape(-1, width) for c, v in zip(columns, given, strict=True)]
         row = jax.vmap(self.function._runs[id(step)], in_axes=tuple(0 if c.ndim == 2 else None for c in columns), axis_size=width)
         found, notes = jax.vmap(row, in_axes=tuple(0 if c.ndim else None for c in columns))(*columns)
         lanes.values.update(zip(step.results, (v.reshape(-1) for v in found), strict=True))
         return union(notes.reshape(-1))
 
-    def _fold(self, step: Least | Factors | Cells | Rows, lanes: _Lanes, note: Any) -> Any:
+    def _fold(self, step: Least | Factors | Cells | Rows, lanes: Lanes, note: Any) -> Any:
         """A loop whose iterations are not added up: all of them at once."""
         total, size = self.lengths[id(step)], lanes.size
         inner, parent, counts, note = self._all_at_once(step, lanes, note)
 
         def number(arg: Arg) -> Any:
-            return jnp.broadcast_to(jnp.asarray(_of(arg, inner), jnp.float64), (total,))
+            return jnp.broadcast_to(jnp.asarray(of_lanes(arg, inner), jnp.float64), (total,))
 
         match step:
             case Cells() | Rows():
@@ -263,46 +235,52 @@ class _Trace:
         lanes.values.update((name, v[0] if single else v) for name, v in zip(step.results, found, strict=True))
         return note
 
-    def _all_at_once(self, step: Loop, lanes: _Lanes, note: Any) -> tuple[_Lanes, Any, Any, Any]:
+    def _all_at_once(self, step: Loop, lanes: Lanes, note: Any) -> tuple[Lanes, Any, Any, Any]:
         """The lanes of all iterations of a loop, the outer lane of each, how many each outer lane has, and the note."""
         total = self.lengths[id(step)]
-        counts = jnp.maximum(jnp.broadcast_to(jnp.asarray(_of(step.hi, lanes) - _of(step.lo, lanes), jnp.int64), (lanes.size,)), 0)
+        lo, hi = of_lanes(step.lo, lanes), of_lanes(step.hi, lanes)
+        counts = jnp.maximum(jnp.broadcast_to(jnp.asarray(hi - lo, jnp.int64), (lanes.size,)), 0)
         counts = counts if lanes.live is None else jnp.where(lanes.live, counts, 0)
         inner, parent = lanes, jnp.zeros(0, jnp.int64)
-        if total:
+        if total and isinstance(lo, int) and isinstance(hi, int) and lanes.live is None:
+            values = self._repeated(step, lanes, hi - lo)
+            values[step.index] = jnp.broadcast_to(jnp.arange(lo, hi), (lanes.size, hi - lo)).reshape(-1)
+            inner, parent = Lanes(values, total, None), Repeated(jnp.arange(lanes.size), hi - lo).spread()
+            _, note = self.block(step.body, inner, {}, note)
+        elif total:
             inner, parent = self._inside(step, lanes, _Block(0, total, total), total, jnp.cumsum(counts))
             _, note = self.block(step.body, inner, {}, note)
         return inner, parent, counts, note
 
-    def _gaps(self, step: Gaps, lanes: _Lanes, note: Any) -> Any:
+    def _gaps(self, step: Gaps, lanes: Lanes, note: Any) -> Any:
         """A sum over gaps. As few of the places where there may be one have one, these are computed some at a time."""
         total, size = self.lengths[id(step)], lanes.size
         inner, parent, _, note = self._all_at_once(step, lanes, note)
 
-        def on_lanes(arg: Arg, where: _Lanes, count: int) -> Any:
-            return jnp.broadcast_to(jnp.asarray(_of(arg, where), jnp.float64), (count,))
+        def on_lanes(arg: Arg, where: Lanes, count: int) -> Any:
+            return jnp.broadcast_to(jnp.asarray(of_lanes(arg, where), jnp.float64), (count,))
 
         first, last = (on_lanes(end, lanes, size) for end in (step.first, step.last))
         values = jnp.stack([on_lanes(v, inner, total) for v in step.values]) if total else jnp.zeros((len(step.values), 0))
         found = gaps_of_lanes(values, (parent, inner.live if total else None), first, last)
-        doubtful = jax.ops.segment_sum(_live(jnp.where(values[-1] > 0.0, 1.0, 0.0), inner), parent, size) if total else jnp.zeros(size)
+        doubtful = jax.ops.segment_sum(live_terms(jnp.where(values[-1] > 0.0, 1.0, 0.0), inner), parent, size) if total else jnp.zeros(size)
         note = note | jnp.where(jnp.any(doubtful > 0.0), MISSED, 0)
         live = found.live if lanes.live is None else found.live & lanes.live[jnp.minimum(found.lane, size - 1)]
-        order, count = jnp.argsort(~live, stable=True), jnp.sum(live)
-        room = min(len(order), max(size, FEW_GAPS))
-        order = jnp.concatenate([order, jnp.full(-len(order) % room, order[0])])
+        counts = jnp.cumsum(live)
+        count, room = counts[-1], min(len(live), max(size, FEW_GAPS))
 
         def some(carried: Any) -> Any:
             start, sums, note = carried
-            at = lax.dynamic_slice(order, (start,), (room,))
-            here = start + jnp.arange(room) < count
+            number = start + jnp.arange(room)
+            here = number < count
+            at = jnp.where(here, places_of(number, counts), 0)
             lane = jnp.where(here, found.lane[at], 0)
-            given = {name: v[lane] if getattr(v := _of(name, lanes), "ndim", 0) else v for name in lanes.values}
+            given = self._taken(step, lanes, lane)
             given[step.left] = jnp.where(here, found.left[at], 0.0)
             given[step.right] = jnp.where(here, found.right[at], 0.0)
-            within = _Lanes(given, room, here)
+            within = Lanes(given, room, here)
             _, note = self.block(step.inside, within, {}, note)
-            terms = [_live(on_lanes(t, within, room), within) for t in step.terms]
+            terms = [live_terms(on_lanes(t, within, room), within) for t in step.terms]
             return start + room, sums + jnp.stack([jax.ops.segment_sum(t, lane, size) for t in terms]), note
 
         start = jnp.zeros((), count.dtype), jnp.zeros((len(step.results), size)), note
@@ -313,8 +291,47 @@ class _Trace:
         lanes.values.update((name, v[0] if single else v) for name, v in named)
         return note
 
-    def _cells(self, step: Cells, lanes: _Lanes, rows: Any, counts: Any) -> list[Any]:
-        others = jnp.stack([jnp.broadcast_to(jnp.asarray(_of(v, lanes), jnp.float64), (lanes.size,)) for v in step.otherwise], axis=1)
+    def _side_by_side(self, step: SideBySide, lanes: Lanes, note: Any) -> Any:
+        """Steps for each row of a lane, which has a lane of its own."""
+        width, size = step.width, lanes.size
+        live = None if lanes.live is None else Repeated(lanes.live, width).spread()
+        given = self._repeated(step, lanes, width)
+        for name, column in zip(step.names, step.rows, strict=True):
+            entries = [jnp.broadcast_to(jnp.asarray(of_lanes(a, lanes), jnp.float64), (size,)) for a in column]
+            given[name] = jnp.stack(entries, axis=1).reshape(-1)
+        inner = Lanes(given, size * width, live)
+        _, note = self.block(step.body, inner, {}, note)
+        found = [jnp.broadcast_to(of_lanes(v, inner), (size * width,)).reshape(size, width) for v in step.values]
+        single = size == 1 and lanes.live is None
+        rows = [v[0, k] if single else v[:, k] for k in range(width) for v in found]
+        lanes.values.update(zip(step.results, rows, strict=True))
+        return note
+
+    def _read(self, step: Step | SideBySide, lanes: Lanes) -> tuple[dict[Arg, Any], dict[Arg, Any]]:
+        """The values that a step may read, on lanes inside of it: those that all lanes share, and those that each has."""
+        if id(step) not in self.read:
+            self.read[id(step)] = set(free_names(cast(Any, step)))
+        read = self.read[id(step)]
+        values = {name: of_lanes(name, lanes) for name, v in lanes.values.items() if name in read or isinstance(v, int)}
+        own = {name: v for name, v in values.items() if getattr(v, "ndim", 0)}
+        return {name: v for name, v in values.items() if name not in own}, own
+
+    def _repeated(self, step: Step | SideBySide, lanes: Lanes, width: int) -> dict[Arg, Any]:
+        """The values that a step may read, on `width` lanes each."""
+        shared, own = self._read(step, lanes)
+        return shared | {name: Repeated(v, width).spread() for name, v in own.items()}
+
+    def _taken(self, step: Step, lanes: Lanes, lane: Any) -> dict[Arg, Any]:
+        """The values that a step may read, on other lanes, whose own one is `lane`: numbers in double precision by one gather."""
+        shared, own = self._read(step, lanes)
+        numbers = [name for name, v in own.items() if v.dtype == jnp.float64]
+        table = jnp.stack([own[name] for name in numbers]) if numbers else jnp.zeros((0, lanes.size))
+        taken = dict(zip(numbers, table.at[:, lane].get(mode="promise_in_bounds"), strict=True))
+        others = {name: v.at[lane].get(mode="promise_in_bounds") for name, v in own.items() if name not in taken}
+        return shared | taken | others
+
+    def _cells(self, step: Cells, lanes: Lanes, rows: Any, counts: Any) -> list[Any]:
+        others = jnp.stack([jnp.broadcast_to(jnp.asarray(of_lanes(v, lanes), jnp.float64), (lanes.size,)) for v in step.otherwise], axis=1)
         most = self.widest[id(step)]
         if most <= most_candidates(step.shape):
             values, tables = cells_with_most(step.shape, rows, counts, others, most)
@@ -327,22 +344,22 @@ class _Trace:
             lane = jnp.searchsorted(ends, jnp.arange(len(rows) + lanes.size), side="right")
         for name, table in zip(step.tables, tables, strict=False):
             self.tables[name], self.lanes[name] = table, lane
-            lanes.values[name] = first - _of(step.lo, lanes)
+            lanes.values[name] = first - of_lanes(step.lo, lanes)
         return list(values)
 
-    def _combined(self, step: Combined, lanes: _Lanes) -> None:
+    def _combined(self, step: Combined, lanes: Lanes) -> None:
         forms, lane = step.shape.forms, self.lanes[step.of[0]]
         moments = self.tables[step.of[0]][:, forms : step.shape.columns]
         by_form = jnp.zeros((len(moments), forms))
         for name, weight in zip(step.of, step.weights, strict=True):
             slopes = self.tables[name][:, :forms]
-            weights = jnp.broadcast_to(jnp.asarray(_of(weight, lanes), jnp.float64), (lanes.size,))
+            weights = jnp.broadcast_to(jnp.asarray(of_lanes(weight, lanes), jnp.float64), (lanes.size,))
             by_form += jnp.where(slopes != 0.0, weights.at[lane].get(mode="fill", fill_value=0.0)[:, None] * slopes, 0.0)
         self.tables[step.table] = jnp.concatenate([by_form, moments], axis=1)
         lanes.values[step.table] = lanes.values[step.of[0]]
 
-    def _loop(self, step: Loop, lanes: _Lanes, targets: Targets, note: Any) -> tuple[Targets, Any]:
-        lo, hi, cap = _of(step.lo, lanes), _of(step.hi, lanes), self.function._blocks[id(step)]
+    def _loop(self, step: Loop, lanes: Lanes, targets: Targets, note: Any) -> tuple[Targets, Any]:
+        lo, hi, cap = of_lanes(step.lo, lanes), of_lanes(step.hi, lanes), self.function._blocks[id(step)]
         sums = jnp.zeros((len(step.results), lanes.size))
         if not self.lengths[id(step)]:
             pass
@@ -355,28 +372,28 @@ class _Trace:
         lanes.values.update(zip(step.results, sums, strict=True))
         return targets, note
 
-    def _in_rows(self, step: Loop, lanes: _Lanes, targets: Targets, note: Any) -> tuple[Any, Targets, Any]:
+    def _in_rows(self, step: Loop, lanes: Lanes, targets: Targets, note: Any) -> tuple[Any, Targets, Any]:
         """The sums of a loop that has the same range on all lanes, the targets, and the note: a block has whole lanes, one in a row."""
-        first, end = _of(step.lo, lanes), _of(step.hi, lanes)
+        first, end = of_lanes(step.lo, lanes), of_lanes(step.hi, lanes)
         width = end - first
         rows = min(self.function._blocks[id(step)] // width, lanes.size)
         count = -(-lanes.size // rows)
-        if not any(isinstance(s, Loop) for s in step.body):
+        if not any(isinstance(s, Loop | SideBySide) for s in step.body):
             rows = -(-lanes.size // count)  # little is wasted in the last block
 
         def block(carried: Any, start: Any) -> Any:
             targets, note = carried
             own, live = start + jnp.arange(rows), lanes.live
-            values = {name: _of(name, lanes) for name in lanes.values}
+            values = {name: of_lanes(name, lanes) for name in lanes.values}
             if count > 1:
                 known = jnp.where(own < lanes.size, own, 0)
                 values = {name: v[known] if getattr(v, "ndim", 0) else v for name, v in values.items()}
                 live = (own < lanes.size) if live is None else (own < lanes.size) & live[known]
-            values = {name: _Repeated(v, width) if getattr(v, "ndim", 0) else v for name, v in values.items()}
+            values = {name: Repeated(v, width) if getattr(v, "ndim", 0) else v for name, v in values.items()}
             values[step.index] = jnp.broadcast_to(first + jnp.arange(width), (rows, width)).reshape(-1)
-            inner = _Lanes(values, rows * width, None if live is None else _Repeated(live, width).spread())
+            inner = Lanes(values, rows * width, None if live is None else Repeated(live, width).spread())
             targets, note = self.block(step.body, inner, targets, note)
-            terms = [_live(jnp.broadcast_to(jnp.asarray(_of(v, inner), jnp.float64), (inner.size,)), inner) for v in step.values]
+            terms = [live_terms(jnp.broadcast_to(jnp.asarray(of_lanes(v, inner), jnp.float64), (inner.size,)), inner) for v in step.values]
             return (targets, note), [jnp.sum(term.reshape(rows, width), axis=1) for term in terms]
 
         if count == 1:
@@ -386,10 +403,10 @@ class _Trace:
             sums = [part.reshape(-1)[: lanes.size] for part in parts]
         return sums, targets, note
 
-    def _in_segments(self, step: Loop, lanes: _Lanes, targets: Targets, note: Any) -> tuple[Any, Targets, Any]:
+    def _in_segments(self, step: Loop, lanes: Lanes, targets: Targets, note: Any) -> tuple[Any, Targets, Any]:
         """The sums of a loop, the targets, and the note."""
         total, cap = self.lengths[id(step)], self.function._blocks[id(step)]
-        lo, hi = _of(step.lo, lanes), _of(step.hi, lanes)
+        lo, hi = of_lanes(step.lo, lanes), of_lanes(step.hi, lanes)
         ends = None
         if isinstance(lo, int) and isinstance(hi, int) and lanes.live is None:
             total = lanes.size * (hi - lo)
@@ -398,13 +415,13 @@ class _Trace:
             length = jnp.maximum(length, 0)
             ends = jnp.cumsum(length if lanes.live is None else jnp.where(lanes.live, length, 0))
         count = -(-total // cap)
-        if count > 1 and not any(isinstance(s, Loop) for s in step.body):
+        if count > 1 and not any(isinstance(s, Loop | SideBySide) for s in step.body):
             cap = -(-total // count)  # little is wasted in the last block
 
         def part(start: Any, size: int, known: int | None, targets: Targets, note: Any) -> tuple[Any, Targets, Any]:
             inner, parent = self._inside(step, lanes, _Block(start, size, known), total, ends)
             targets, note = self.block(step.body, inner, targets, note)
-            terms = [_live(jnp.broadcast_to(jnp.asarray(_of(v, inner), jnp.float64), (size,)), inner) for v in step.values]
+            terms = [live_terms(jnp.broadcast_to(jnp.asarray(of_lanes(v, inner), jnp.float64), (size,)), inner) for v in step.values]
             if not terms:
                 return jnp.zeros((0, lanes.size)), targets, note
             if lanes.size == 1:
@@ -425,12 +442,12 @@ class _Trace:
         sums = jnp.zeros((len(step.results), lanes.size))
         return lax.scan(block, (sums, targets, note), jnp.arange(0, total, cap))[0]
 
-    def _inside(self, step: Loop, lanes: _Lanes, block: _Block, total: int, ends: Any) -> tuple[_Lanes, Any]:
+    def _inside(self, step: Loop, lanes: Lanes, block: _Block, total: int, ends: Any) -> tuple[Lanes, Any]:
         """The lanes of a block of iterations, and the outer lane of each."""
         start, size, known = block
         flat = start + jnp.arange(size)
         if ends is None:
-            lo, hi = _of(step.lo, lanes), _of(step.hi, lanes)
+            lo, hi = of_lanes(step.lo, lanes), of_lanes(step.hi, lanes)
             live = None if known is not None else flat < total
             flat = jnp.minimum(flat, total - 1)
             parent, index = flat // (hi - lo), lo + flat % (hi - lo)
@@ -439,51 +456,12 @@ class _Trace:
             flat = jnp.clip(flat, 0, jnp.maximum(ends[-1] - 1, 0))
             parent = jnp.minimum(jnp.searchsorted(ends, flat, side="right"), lanes.size - 1)
             before = jnp.where(parent > 0, ends[jnp.maximum(parent - 1, 0)], 0)
-            lo = jnp.broadcast_to(jnp.asarray(_of(step.lo, lanes)), (lanes.size,))
+            lo = jnp.broadcast_to(jnp.asarray(of_lanes(step.lo, lanes)), (lanes.size,))
             index = lo[parent] + flat - before
-        values = {name: v[parent] if getattr(v := _of(name, lanes), "ndim", 0) else v for name in lanes.values}
+        shared, own = self._read(step, lanes)
+        values = shared | {name: v.at[parent].get(mode="promise_in_bounds") for name, v in own.items()}
         values[step.index] = index
-        return _Lanes(values, size, live), parent
-
-
-def least_of_segments(candidates: tuple[Any, Any, Any, Any], parent: Any, size: int) -> Any:
-    """The index of the least key of each segment; candidates are (key, whether they are eligible, index, whether they are live)."""
-    key, present, index, live = candidates
-    live = jnp.ones(key.shape, bool) if live is None else live
-    unknown = live & (jnp.isnan(present) | ((present != 0) & jnp.isnan(key)))
-    eligible = live & (present != 0) & ~unknown
-    least = jax.ops.segment_min(jnp.where(eligible, key, jnp.inf), parent, size)
-    hit = eligible & (key == least[parent])
-    none = -NOWHERE - 1
-    winner = jax.ops.segment_min(jnp.where(hit, index, none), parent, size)
-    lost = jax.ops.segment_max(unknown.astype(jnp.int32), parent, size) > 0
-    return jnp.where(lost, jnp.nan, jnp.where(winner == none, -1.0, winner.astype(jnp.float64)))
-
-
-def _nowhere_or(op: str, a: Any, b: Any) -> Any:
-    """An integer operation on lanes; NOWHERE where an argument is, where 64 bits do not hold the result, and where it is divided by 0."""
-    lost = (a == NOWHERE) | (b == NOWHERE)
-    if op in ("floordiv", "mod"):
-        lost = lost | (b == 0)
-        b = jnp.where(b == 0, 1, b)
-    found = _JAX[op](a, b)
-    if op == "add":
-        lost = lost | (((a ^ found) & (b ^ found)) < 0)
-    elif op == "sub":
-        lost = lost | (((a ^ b) & (a ^ found)) < 0)
-    elif op == "mul":
-        lost = lost | (jnp.abs(jnp.asarray(a, jnp.float64) * jnp.asarray(b, jnp.float64)) >= 2.0**63)
-    return jnp.where(lost, NOWHERE, found)
-
-
-def _row_of(table: Any, rows: Any, column: int) -> Any:
-    """The numbers in a column of rows, which may be out of their range: then NaN."""
-    inside = (rows >= 0) & (rows < table.shape[0])
-    return jnp.where(inside, table.at[jnp.where(inside, rows, 0), column].get(mode="fill"), jnp.nan)
-
-
-def _live(terms: Any, lanes: _Lanes) -> Any:
-    return terms if lanes.live is None else jnp.where(lanes.live, terms, 0.0)
+        return Lanes(values, size, live), parent
 
 
 def _block_size(loop: Loop, kernels: Mapping[int, JaxKernel], room: int) -> int:

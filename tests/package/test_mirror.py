@@ -173,6 +173,7 @@ ELSEWHERE = {
     },
     "backends/jax": {
         "derivative": "tests/interop/test_jax.py",
+        "matching": "tests/backends/jax/test_alike.py",
         "precision": "tests/interop/test_jax.py",
         "printer": "tests/backends/jax/test_kernel.py",
     },
