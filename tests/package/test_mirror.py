@@ -102,6 +102,7 @@ ELSEWHERE = {
         "match": "tests/passes/intrinsics/test_polygon.py",
         "polynomials": "tests/passes/intrinsics/test_adjoints.py",
     },
+    "teg/passes/differentiate": {"gaps": "tests/passes/differentiate/test_edges.py"},
     "teg/passes/lower": dict.fromkeys(("emit", "intrinsic", "levels", "refute", "rounding"), "tests/passes/lower/test_integrals.py")
     | {
         "gaps": "tests/passes/differentiate/test_edges.py",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -231,7 +232,7 @@ def test_intervals_on_each_other(backend: str) -> None:
         rows = np.c_[rng.uniform(0, 1, n), middles, halves, rng.permutation(n)]
         ends = np.unique(np.clip(np.r_[0, 1, middles - halves, middles + halves], 0, 1))
         expected, moved = 0.0, np.zeros((n, 4))
-        for lower, upper in zip(ends, ends[1:], strict=False):
+        for lower, upper in pairwise(ends):
             owner = _owner(0.5 * (lower + upper), rows)
             square = 0.5 * (upper**2 - lower**2)
             expected += rows[owner, 0] * square if owner >= 0 else np.exp(upper) - np.exp(lower)
