@@ -227,6 +227,7 @@ IN_BACKENDS: tuple[Mutant, ...] = (
         ("tests/backends/test_gaps.py",),
         ("intervals inside of others, in C", "end = fmax(end, q);", "end = q;"),
         ("borders that nearly touch, in C", "g->doubtful += ties[n + 1] > 0.0;", ""),
+        ("a candidate that covers a part, in C", "g->closed &= before > TEG_TIE_TO || p >= q;", ""),
     ),
     *mutants(
         "backends/shared/roots.py",

@@ -313,9 +313,33 @@ IN_PASSES: tuple[Mutant, ...] = (
     ),
     *mutants(
         "teg/passes/differentiate/edges.py",
-        ("tests/passes/differentiate/test_edges.py",),
-        ("edges from opposite sides", "disjunction(negation(same), less(distance, ZERO, True))", "less(distance, ZERO, True)"),
-        ("the first of equal edges", "less(distance, ZERO, True))\n        return", "FALSE)\n        return"),
+        ("tests/passes/differentiate/test_edges.py", "tests/passes/differentiate/test_layers.py"),
+        ("edges from opposite sides", "disjunction(covering(MINUS_ONE), wider, *nothing)", "disjunction(wider, *nothing)"),
+        ("the first of equal edges", "conjunction(covering(ONE), less(distance, ZERO, True))", "FALSE"),
+        ("two edges of a candidate on one line", "wider, *nothing)", "wider)"),
         ("a line beyond the box", "BEYOND = 0.0291", "BEYOND = 0.0"),
+        ("quarters of an arc", "index_const(4))", "index_const(3))"),
+    ),
+    *mutants(
+        "teg/passes/normalise/uncovered.py",
+        ("tests/passes/differentiate/test_layers.py", "tests/passes/differentiate/test_edges.py"),
+        ("keys that are the same function", "where(before, ONE, MINUS_ONE)", "ONE"),
+        ("rows of zeros", "-NO_FORM if new.strict else NO_FORM", "NO_FORM if new.strict else -NO_FORM"),
+        ("places where nothing is", "where(positive(sub(free, mul(const(NO_AREA), box))), NOTHING, ZERO)", "ZERO"),
+    ),
+    *mutants(
+        "teg/passes/lower/gaps.py",
+        ("tests/passes/differentiate/test_layers.py",),
+        (
+            "edges of which nothing is seen",
+            'self.out.assign(self.top, "max", found, self.out',
+            'self.out.assign(self.top, "min", found, self.out',
+        ),
+        ("functions that are 0 where they do not matter", '"select", when, p, math.inf)', '"select", when, p, p)'),
+    ),
+    *mutants(
+        "teg/analysis/gates.py",
+        ("tests/analysis/test_gates.py",),
+        ("alternatives as gates", "(negation(c) for c in others)", "(c for c in others)"),
     ),
 )

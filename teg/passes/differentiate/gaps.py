@@ -18,7 +18,7 @@ from teg.analysis.roots import solve
 from teg.analysis.surfaces import atoms_of, ordered
 from teg.analysis.tails import is_unbounded
 from teg.ir.cells import Symbols
-from teg.ir.expr import MINUS_ONE, ONE, TRUE, ZERO, And, Compare, Cond, Const, Expr, Mul, Param, Var, const
+from teg.ir.expr import MINUS_ONE, ONE, TRUE, ZERO, And, Compare, Cond, Const, Expr, Mul, Param, Var, Where, const
 from teg.ir.index import APART, Index, IndexVar
 from teg.ir.integral import Integral, integral_over
 from teg.ir.node import Node, postorder
@@ -63,9 +63,11 @@ def over_gaps(node: Integral, around: Around, weight: Expr) -> Expr:
         return ZERO
     if is_unbounded(node):
         raise Refused("a bound is infinite")
+    matters = _nonzero(weight)
+    signs, weight = _without_signs(weight, s)
     symbols = Symbols()
-    (cell, tie, *matters) = symbols.into([cast(Expr, c) for c in (around.condition, around.tie, around.within, *_nonzero(weight))])
-    on_line = _OnLine(cast(Cond, cell), tie, weight, cast("tuple[Cond, ...]", tuple(matters)))
+    (cell, tie, *several) = symbols.into([cast(Expr, c) for c in (around.condition, around.tie, around.within, *matters)])
+    on_line = _OnLine(cast(Cond, cell), tie, weight, cast("tuple[Cond, ...]", tuple(several)))
     by_half_angle = _by_half_angle(on_line, s) if _turns_less_than_once(lo, hi) else None
     condition, tie, weight, some = by_half_angle or on_line
     _check_roots([atom.g for atom in atoms_of(condition, s)], s)
@@ -77,7 +79,9 @@ def over_gaps(node: Integral, around: Around, weight: Expr) -> Expr:
     known = conjunction(*(placed(c, {s: s}) for c in some if _has_roots(c, s)))
     covered, tie, where_it_matters = symbols.out_of([bracket(condition), tie, bracket(known)])
     over = *around.over, s, LEFT, RIGHT
-    return mul(sign, cast(Expr, Gaps.make(over, (first, last, covered, tie, where_it_matters, integral_over(weight, s, LEFT, RIGHT)))))
+    return mul(
+        sign, *signs, cast(Expr, Gaps.make(over, (first, last, covered, tie, where_it_matters, integral_over(weight, s, LEFT, RIGHT))))
+    )
 
 
 def _check_roots(functions: Sequence[Expr], s: Var) -> None:
@@ -91,6 +95,25 @@ def _check_roots(functions: Sequence[Expr], s: Var) -> None:
         count += len(known.found) if known is not None and known.certain else isolation.count
     if count > MOST_PLACES:
         raise Refused(f"its border may cross an edge in more than {MOST_PLACES} places")
+
+
+def _without_signs(weight: Expr, s: Var) -> tuple[list[Expr], Expr]:
+    """Returns the factors of a weight that are one of two numbers on the whole line, and the others. Such a sign stands beside conditions
+    around the line, with which it must be averaged where both tie."""
+    condition, rest = nonzero_part(weight)
+    if condition is not TRUE:
+        signs, rest = _without_signs(rest, s)
+        return signs, where(condition, rest, ZERO)
+    signs, others = [], cast("list[Expr]", [])
+    for factor in weight.children if isinstance(weight, Mul) else (weight,):
+        if isinstance(factor, Where) and s not in factor.free and isinstance(factor.then, Const) and isinstance(factor.otherwise, Const):
+            signs.append(factor)
+        elif isinstance(factor, Where):
+            more, factor = _without_signs(factor, s) if nonzero_part(factor)[0] is not TRUE else ([], factor)
+            signs, others = [*signs, *more], [*others, factor]
+        else:
+            others.append(factor)
+    return signs, mul(*others)
 
 
 def _nonzero(weight: Expr) -> list[Cond]:

@@ -20,7 +20,9 @@ from teg.analysis.roots import solve
 from teg.analysis.settings import Integration
 from teg.analysis.surfaces import atoms_of
 from teg.ir.expr import ONE, And, Compare, Cond, Expr, Or, Param, Var
-from teg.ir.simplify import bracket, disjunction, nonzero_part
+from teg.ir.node import Node
+from teg.ir.simplify import bracket, disjunction, negation, nonzero_part, positive
+from teg.ir.traverse import rewrite
 from teg.passes.lower.emit import NAN, Emitter
 from teg.passes.lower.levels import Level
 from teg.passes.lower.roots import Roots
@@ -125,16 +127,28 @@ class _Line:
         return _Pieces(found, places, levels)
 
     def somewhere(self, condition: Cond) -> Arg:
-        """Returns 1 if a condition holds on one of the pieces, else 0."""
-        truth, found = bracket(condition), cast(Arg, 0.0)
-        for _, _, level in self.pieces(truth).levels:
-            found = self.out.assign(self.top, "max", found, self.out.number(truth, level))
+        """Returns 1 if a condition holds on one of the pieces or ties there, else 0."""
+        found: Arg = 0.0
+        for truth in (bracket(condition), bracket(_with_other_ties(condition))):
+            for _, _, level in self.pieces(truth).levels:
+                found = self.out.assign(self.top, "max", found, self.out.number(truth, level))
         return found
 
     def program(self, outputs: tuple[Arg, ...]) -> Program:
         called = tuple(Called(*f) for f in self.out.functions)
         ties = tuple(Tie(*t) for t in self.out.ties)
         return without_dead_code(Program(self.parameters, tuple(self.top.block), outputs, ties, called))
+
+
+def _with_other_ties(condition: Cond) -> Cond:
+    """Returns a condition that holds at a tie where the other one does not."""
+
+    def visit(_: Node, new: Node) -> Node:
+        if not isinstance(new, Compare) or new.resolution is None:
+            return new
+        return positive(new.g, new.strict, negation(new.resolution), new.rivals)
+
+    return cast(Cond, rewrite([condition], visit)[condition])
 
 
 def _is_nearly_tied(out: Emitter, g: Expr, level: Level) -> Arg:

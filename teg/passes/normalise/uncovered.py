@@ -32,9 +32,9 @@ from teg.passes.normalise.partitions import NOTHING as NO_FORM
 from teg.passes.normalise.partitions import Choice, Refused, one_choice
 
 PLACES = (0.2137, 0.3719), (0.5773, 0.8419), (0.8081, 0.1253)
-"""Where in a box it is looked at whether two keys are the same function but for a number, as parts of its lengths."""
-SAME, LEAST = 2.0**-36, 1e-290
-"""Keys that differ by a number, by less than this part of their sizes or by less than the second of these, are the same."""
+"""Where in a box it is looked at whether two keys are the same function, as parts of its lengths."""
+SAME, LEAST, NOISE = 2.0**-36, 1e-290, 2.0**-9
+"""By what part of its size a key is less than the same one, by how much at least, and what part of that is rounding."""
 NO_AREA = 1e-13
 """What part of a box may be free, by rounding, where candidates cover all of it."""
 Over = tuple[IndexVar, Index, Index]
@@ -88,7 +88,7 @@ def _of_nearest(choice: Choice, bounds: Bounds) -> Expr:
     rival_key, rival_condition = (replace_integers(e, {k: j}) for e in (key, condition))
     distance = sub(as_number(j), as_number(k))
     other, before = positive(sub(integer_power(distance, 2), const(0.25))), less(distance, ZERO, True)
-    wins = less(rival_key, add(key, _favour(rival_key, key, before, bounds)), True)
+    wins = _wins(rival_key, key, before, bounds)
     there = cast(Cond, cast(Node, rival_condition))
     covers = disjunction(conjunction(other, there, wins), conjunction(negation(other), negation(there)))
     whole = _uncovered((j, over.lo, over.hi), covers, value, bounds, cast(Cond, cast(Node, condition)))
@@ -98,28 +98,35 @@ def _of_nearest(choice: Choice, bounds: Bounds) -> Expr:
 
 def _without_zeros(condition: Cond, variables: Sequence[Var]) -> Cond:
     """Returns a condition whose affine functions are not 0 everywhere, as those of rows of zeros are: g > 0 does not hold there."""
-
     shadow = Shadow(tuple(variables))
 
     def visit(_: Node, new: Node) -> Node:
         if not isinstance(new, Compare) or new.free.isdisjoint(variables) or shadow.degree(Symbols().into([new.g])[0]) != 1:
             return new
-        return positive(add(new.g, const(-NO_FORM if new.strict else NO_FORM)), new.strict, new.resolution, new.rivals)
+        is_line = positive(add(*(integer_power(slope(new.g, x), 2) for x in variables)))
+        little = where(is_line, ZERO, const(-NO_FORM if new.strict else NO_FORM))
+        return positive(add(new.g, with_still_parameters(little)), new.strict, new.resolution, new.rivals)
 
     return cast(Cond, rewrite([condition], visit)[condition])
 
 
-def _favour(rival: Expr, key: Expr, before: Cond, bounds: Bounds) -> Expr:
-    """Returns by how much a rival may lose and win nevertheless: the lower of two indices whose keys are the same function. So keys that
-    do not depend on variables are compared as they are, and others have no surface where their difference is 0 everywhere."""
+def _wins(rival: Expr, key: Expr, before: Cond, bounds: Bounds) -> Cond:
+    """Returns whether a rival wins over a candidate, `before` which it is or not. Of keys that are the same function of the variables the
+    lower index wins, by a little, so that there is no surface where their difference is 0 everywhere."""
     variables = [x for x, _, _ in bounds]
-    difference, steepness, sizes = sub(rival, key), cast("list[Expr]", []), [cast(Expr, const(LEAST))]
+    if rival.free.isdisjoint(variables):
+        return disjunction(less(rival, key, True), conjunction(before, less(rival, key, False)))
+    difference = sub(rival, key)
+    steepness, distances, sizes = cast("tuple[list[Expr], ...]", ([], [], [const(LEAST)]))
     for part in PLACES:
         at = {x: add(lo, mul(const(part), sub(hi, lo))) for part, (x, lo, hi) in zip(part, bounds, strict=False)}
         steepness += [integer_power(cast(Expr, substitute(slope(difference, x), at)), 2) for x in variables]
-        sizes += [call("magnitude", cast(Expr, substitute(e, at))) for e in (rival, key)]
-    same = negation(positive(add(*steepness)))
-    return with_still_parameters(where(same, mul(where(before, ONE, MINUS_ONE), const(SAME), add(*sizes)), ZERO))
+        distances.append(call("magnitude", cast(Expr, substitute(difference, at))))
+        sizes += [mul(const(SAME), call("magnitude", cast(Expr, substitute(e, at)))) for e in (rival, key)]
+    near = less(add(*distances), mul(const(NOISE), add(*sizes)), True)
+    same = conjunction(negation(positive(add(*steepness))), near)
+    favour = where(same, mul(where(before, ONE, MINUS_ONE), add(*sizes)), ZERO)
+    return less(rival, add(key, with_still_parameters(favour)), True)
 
 
 def _range_of(choice: Choice) -> Over:

@@ -128,7 +128,7 @@ def test_as_cells_are() -> None:
     with without_cells():
         edges = teg.compile(WEDGES, [D], backend="c")
         assert follows_edges(edges)
-        for seed in range(80):
+        for seed in range(48):
             rng = np.random.default_rng(seed)
             n = int(rng.integers(1, 6))
             rows = rng.normal(size=(n, 10))
@@ -177,6 +177,49 @@ def test_lists_by_pixel() -> None:
     depths = np.array([np.where((u - a) ** 2 + (v - b) ** 2 < r * r, z, np.inf) for a, b, r, z, _ in rows])
     moments = np.where(np.isinf(depths).all(axis=0), 0.0, np.exp(rows[depths.argmin(axis=0), 4]) * u)
     assert other == pytest.approx(2 * moments.mean(), abs=1e-4)
+
+
+@pytest.mark.parametrize("keys", [(1e12 + 100, 1e12), (1.0 + 1e-11, 1.0), (1e308, 0.0), (1.0, 1.0)])
+def test_keys_that_hardly_differ(keys: tuple[float, float]) -> None:
+    """Numbers are compared as they are: of equal ones the lower index is seen."""
+    f = teg.compile(PAINTED, [D], backend="c")
+    seen = 2.0 if keys[1] < keys[0] else 1.0
+    rows = np.array([[0.5, 0.5, 0.3, keys[0], 1.0], [0.5, 0.5, 0.3, keys[1], 2.0]])
+    assert f(D=rows) == pytest.approx(GROUND + (seen - GROUND) * np.pi * 0.09, abs=1e-13)
+
+
+# -- sides of the box --------------------------------------------------------------------------------------------------
+
+B = teg.array("B")
+R = [D[k, i] for i in range(4)]
+ONE = [D[0, i] for i in range(4)]
+BORDERS: dict[str, tuple[Any, list[float]]] = {
+    "half a disk, left": (lambda r: ((x - r[0]) ** 2 + (y - r[1]) ** 2 < r[2] ** 2) & (x <= r[0]), [0.0, 0.5, 0.3, 0.0]),
+    "half a disk, left, in another box": (lambda r: ((x - r[0]) ** 2 + (y - r[1]) ** 2 < r[2] ** 2) & (x < r[0]), [1.0, 0.5, 0.3, 0.0]),
+    "half a disk, above": (lambda r: ((x - r[0]) ** 2 + (y - r[1]) ** 2 < r[2] ** 2) & (y > r[1]), [0.4, 0.0, 0.3, 0.0]),
+    "below a parabola": (lambda r: (y < r[2] + r[3] * (x - r[0]) ** 2) & (y > r[1]), [0.7, 0.0, 0.2, 0.8]),
+    "a band that touches": (lambda r: (y > r[1]) & (y < r[2] + r[3] * (x - r[0]) ** 2), [0.3, 0.5, 1.0, 0.0]),
+}
+
+
+@pytest.mark.parametrize(("name", "sides"), list(zip(BORDERS, ["data", "data", "numbers", "numbers", "numbers"], strict=True)))
+def test_edges_on_sides_of_boxes(name: str, sides: str) -> None:
+    """Borders that lie on a side of the box have the derivatives of the same region written out, the mean of moving in and out."""
+    inside, row = BORDERS[name]
+    value = teg.exp(x * y) + x
+    corner = (B[0], B[1]) if sides == "data" else (0, 1)
+    programs = [
+        teg.nearest(value, D[k, 3], ALL, where=inside(R), otherwise=x * y),
+        teg.where(teg.any(inside(R), ALL), value, x * y),
+        teg.where(inside(ONE), value, x * y),
+    ]
+    found = []
+    for program in programs:
+        f = teg.compile(teg.integral(program, (x, *corner), (y, *corner)), [D], backend="c")
+        assert follows_edges(f) == (len(found) < 2)
+        found.append(f.grad({"D": [row]} | ({"B": [0.0, 1.0]} if sides == "data" else {}))["D"])
+    assert found[0] == pytest.approx(found[2], abs=1e-12)
+    assert found[1] == pytest.approx(found[2], abs=1e-12)
 
 
 # -- where there is nothing --------------------------------------------------------------------------------------------
