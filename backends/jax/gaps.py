@@ -35,7 +35,7 @@ def gaps_of_lanes(values: Any, candidates: tuple[Any, Any], first: Any, last: An
     """
     size, n = len(first), (len(values) - 3) // 3
     parent, live = candidates
-    live = jnp.ones(parent.shape, bool) if live is None else live
+    live = (first < last)[parent] if live is None else live & (first < last)[parent]
     places, flags, ties = values[:n], values[n : 2 * n + 1], values[2 * n + 1 : -1]
     ends = jnp.concatenate([first[parent][None], jnp.minimum(places, last[parent]), last[parent][None]])
     tie = (flags >= TIE_FROM) & (flags <= TIE_TO)

@@ -263,7 +263,8 @@ class _Trace:
         first, last = (on_lanes(end, lanes, size) for end in (step.first, step.last))
         values = jnp.stack([on_lanes(v, inner, total) for v in step.values]) if total else jnp.zeros((len(step.values), 0))
         found = gaps_of_lanes(values, (parent, inner.live if total else None), first, last)
-        doubtful = jax.ops.segment_sum(live_terms(jnp.where(values[-1] > 0.0, 1.0, 0.0), inner), parent, size) if total else jnp.zeros(size)
+        doubts = jnp.where((values[-1] > 0.0) & (first < last)[parent], 1.0, 0.0)
+        doubtful = jax.ops.segment_sum(live_terms(doubts, inner), parent, size) if total else jnp.zeros(size)
         note = note | jnp.where(jnp.any(doubtful > 0.0), MISSED, 0)
         live = found.live if lanes.live is None else found.live & lanes.live[jnp.minimum(found.lane, size - 1)]
         counts = jnp.cumsum(live)

@@ -1,4 +1,4 @@
-"""Sums over gaps of the same text in an array program, run side by side: the quarters of the edge of a disk.
+"""Sums over gaps of the same text in an array program, run side by side: the lines along which half disks are followed.
 
     r = gaps on the line c(s);  t = gaps on the line d(s)     →     for each row of (p, q) = (…), (…): gaps on the line e(s, p, q)
 

@@ -17,7 +17,7 @@ from teg.examples.soft_shadow import run as shadow
 from tests.bench.rows import Row, empty_cache
 from tests.bench.scenes import cut_cells
 from tests.examples.clipped_scenes import clipped_pixel, clipped_share, over_lens, over_time
-from tests.references.disks import slopes_of_union
+from tests.references.disks import slopes_of_layers, slopes_of_union
 
 SAMPLE = 12
 
@@ -29,7 +29,7 @@ def many_rows() -> list[Row]:
         mesh = occlusion.Scene(512, 10_000, "c")
         rows = [mesh_row(mesh), mesh_row(occlusion.Scene(1024, 100_000, "c"), mesh.evaluator)]
         rows += [shadow_row(64, 1000), transport_row(1000), cells_row(32)]
-        rows += [union_row(300), disks_row(64, 60)]
+        rows += [union_row(300), painting_row(60), disks_row(64, 60)]
         return [*rows, blur_row("motion-blur", 64), blur_row("depth-of-field", 32)]
 
 
@@ -125,6 +125,20 @@ def union_row(disks: int) -> Row:
     given = {"D": np.c_[rng.random((disks, 2)), np.full(disks, 0.5 / np.sqrt(disks))]}
     exact = slopes_of_union(given["D"], lambda u, v: 1 + 0 * u)
     return row(f"union of {disks} disks", disks**2, evaluator, given, lambda: float(np.abs(evaluator.grad(given)["D"] - exact).max()))
+
+
+def painting_row(disks: int) -> Row:
+    """Disks of all sizes with depths and shades, a dozen over each place; the error is that of the derivatives, beside arcs."""
+    D, k = teg.array("D", 2), teg.index("k")
+    x, y = teg.vars("x y")
+    inside = (x - D[k, 0]) ** 2 + (y - D[k, 1]) ** 2 < D[k, 2] ** 2
+    shade = teg.nearest(D[k, 4], D[k, 3], (k, 0, teg.length(D, 0)), where=inside, otherwise=0.1)
+    evaluator = teg.compile(teg.integral(shade, (x, 0, 1), (y, 0, 1)), [D], backend="c")
+    rng = np.random.default_rng(0)
+    rows = np.c_[rng.uniform(-0.1, 1.1, (disks, 2)), rng.uniform(0.1, 0.4, disks), rng.permutation(disks), rng.random(disks)]
+    exact = slopes_of_layers(rows[:, :3], rows[:, 3], rows[:, 4], 0.1)
+    name = f"painting of {disks} disks"
+    return row(name, disks**2, evaluator, {"D": rows}, lambda: float(np.abs(evaluator.grad(D=rows)["D"][:, :3] - exact).max()))
 
 
 def disks_row(size: int, disks: int) -> Row:
