@@ -236,5 +236,5 @@ def _places(node: Ranged, reason: str) -> int:
         hint = "affine conditions and keys, and polynomials, over a box of one or two variables are loops over any number of candidates; "
         hint += "of others, give every box the list of those that reach into it"
         text = f"this {what} must be written out ({reason}), and has {most} candidates; {MOST_WRITTEN[type(node)]} at most"
-        raise ArrayIndexError(text, node, hint)
+        raise ArrayIndexError(text, None if isinstance(node, Sum) else node, hint)
     return most
