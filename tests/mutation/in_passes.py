@@ -335,7 +335,6 @@ IN_PASSES: tuple[Mutant, ...] = (
             'self.out.assign(self.top, "max", found, self.out',
             'self.out.assign(self.top, "min", found, self.out',
         ),
-        ("functions that are 0 where they do not matter", '"select", when, p, math.inf)', '"select", when, p, p)'),
     ),
     *mutants(
         "teg/analysis/gates.py",

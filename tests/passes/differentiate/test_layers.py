@@ -141,6 +141,17 @@ def test_as_cells_are() -> None:
                 assert slopes["D"] == pytest.approx(others["D"], abs=1e-12)
 
 
+def test_two_borders_of_a_half_on_one_line() -> None:
+    """Halves of the box whose depths are equal on their common edge: a border of both, and the line of equal depth."""
+    with without_cells():
+        f = teg.compile(WEDGES, [D], backend="c")
+        assert follows_edges(f)
+        for slope in (1.0, -1.0):
+            rows = np.array([[1, 0, 0.5, 0, 0, 1, -slope, 0, 0.5 * slope, 2], [-1, 0, -0.5, 0, 0, 1, 0, 0, 0, 3]])
+            assert f(D=rows) == pytest.approx(2.5, abs=1e-13)
+            assert f(D=rows[::-1]) == pytest.approx(2.5, abs=1e-13)
+
+
 def test_common_edges_of_triangles() -> None:
     """Two triangles with a common edge, along which their depths are equal, so that three borders lie on each other."""
     V, P, C, F = teg.array("V", 2), teg.array("P", 2), teg.array("C"), teg.indices("F", 2)
