@@ -89,7 +89,8 @@ class LaneKernel:
         run = self._start(arrays, n)
         values: dict[Arg, Array] = {f"p{k}": np.asarray(c) for k, c in enumerate(columns)}
         lanes = Lanes(values, n, np.arange(n))
-        run.block(self.program.body, lanes)
+        with np.errstate(all="ignore"):
+            run.block(self.program.body, lanes)
         found: list[Array] = []
         for j, output in enumerate(self.program.outputs):
             if isinstance(output, Like):

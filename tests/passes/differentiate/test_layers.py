@@ -272,6 +272,16 @@ def test_the_lowest_of_parabolas(backend: str) -> None:
         assert slopes["t"] == pytest.approx(heights[:, -1].min(), abs=1e-12)
 
 
+def test_parabolas_that_touch_are_said(recwarn: pytest.WarningsRecorder) -> None:
+    """Where two keys meet in a double root the value is right; a derivative that is no number is said, once, and by Teg."""
+    f = teg.compile(LOWEST, [D, t])
+    rows = [[1.0, 0.5, 0.1], [2.0, 0.5, 0.1]]
+    value, slopes = f.value_and_grad(D=rows, t=0.9)
+    assert value == pytest.approx((0.5**3 + 0.4**3) / 3 + 0.09, abs=1e-13)
+    said = [w.category for w in recwarn]
+    assert np.isfinite(slopes["D"]).all() or said == [teg.AccuracyWarning]
+
+
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_intervals_on_each_other(backend: str) -> None:
     """By hand: the ends of what is seen, of which some are ends of several intervals."""
