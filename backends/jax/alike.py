@@ -80,14 +80,14 @@ def _grouped(block: Sequence[Any], needed: Iterable[Arg], numbers: Iterator[int]
                 continue
             if _independent(stmts, [*group, other], uses[0]):
                 group.append(other)
-        group = [first, *(s for s in group[1:] if with_group_as_rows(stmts, [first, s], outside, uses, numbers))]
-        if len(group) > 1 and (changed := with_group_as_rows(stmts, group, outside, uses, numbers)):
+        group = [first, *(s for s in group[1:] if _with_group_as_rows(stmts, [first, s], outside, uses, numbers))]
+        if len(group) > 1 and (changed := _with_group_as_rows(stmts, group, outside, uses, numbers)):
             tried.update(map(id, group))
             stmts = changed
     return tuple(stmts)
 
 
-def with_group_as_rows(
+def _with_group_as_rows(
     stmts: Sequence[Any], group: Sequence[Any], needed: set[str], uses: tuple[Uses, Uses], numbers: Iterator[int]
 ) -> list[Any] | None:
     """Returns the block with rows instead of a group, or None if their texts differ too much; `uses` are without hints and with them."""

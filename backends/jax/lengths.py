@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from teg.backends.jax.side_by_side import SideBySide
 from teg.backends.plan import exactly
 from teg.errors import ArrayIndexError
 from teg.program.arrays import Arg, ArrayProgram, Integers, Loop, Step, steps
@@ -50,14 +49,11 @@ class Extents:
                 values[step.name] = self._integers(step, values)
             elif isinstance(step, Loop):
                 self._loop(step, values, size)
-            elif isinstance(step, SideBySide):
-                wide = {name: np.repeat(v, step.width) if np.ndim(v) else v for name, v in values.items()}
-                self._visit(step.body, wide, size * step.width)
 
     def _loop(self, step: Loop, values: dict[Arg, Whole], size: int) -> None:
         lo, hi = (a if isinstance(a, int) else values[a] for a in (step.lo, step.hi))
         block = self.blocks[id(step)]
-        inner = any(isinstance(s, Loop | SideBySide) for s in step.body)
+        inner = any(isinstance(s, Loop) for s in step.body)
         if not self.varying:
             total = size * max(int(hi - lo), 0)
             self.lengths[id(step)], self.widest[id(step)] = total, max(int(hi - lo), 0)

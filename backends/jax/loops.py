@@ -27,7 +27,6 @@ from teg.backends.jax.lanes import ARITHMETIC, NOWHERE, Lanes, Repeated, least_o
 from teg.backends.jax.lengths import Extents
 from teg.backends.jax.runtime import MISSED, union
 from teg.backends.jax.scatters import added, added_by_rows
-from teg.backends.jax.side_by_side import SideBySide, side_by_side
 from teg.backends.plan import exactly
 from teg.backends.shared.cells import most_candidates
 from teg.program import Program, free_names
@@ -67,7 +66,7 @@ class ArrayFunction:
     """A program as a function; `source` is the text of its flat programs, `room` how many iterations may run at a time."""
 
     def __init__(self, program: ArrayProgram, compile: Callable[[Program], JaxKernel], room: int = BLOCK) -> None:
-        self.program = program = side_by_side(program)
+        self.program = program
         kernels = {id(s): compile(s.program) for s in steps(program.body) if isinstance(s, Run)}
         self.source = "\n".join(k.source for k in kernels.values())
         self._runs = {k: kernel.run for k, kernel in kernels.items()}
@@ -128,8 +127,6 @@ class _Trace:
                     note = note | self._run(step, lanes)
                 case Gaps():
                     note = self._gaps(step, lanes, note)
-                case SideBySide():
-                    note = self._side_by_side(step, lanes, note)
                 case Least() | Factors() | Cells() | Rows():
                     note = self._fold(step, lanes, note)
                 case Loop():
@@ -292,23 +289,7 @@ class _Trace:
         lanes.values.update((name, v[0] if single else v) for name, v in named)
         return note
 
-    def _side_by_side(self, step: SideBySide, lanes: Lanes, note: Any) -> Any:
-        """Steps for each row of a lane, which has a lane of its own."""
-        width, size = step.width, lanes.size
-        live = None if lanes.live is None else Repeated(lanes.live, width).spread()
-        given = self._repeated(step, lanes, width)
-        for name, column in zip(step.names, step.rows, strict=True):
-            entries = [jnp.broadcast_to(jnp.asarray(of_lanes(a, lanes), jnp.float64), (size,)) for a in column]
-            given[name] = jnp.stack(entries, axis=1).reshape(-1)
-        inner = Lanes(given, size * width, live)
-        _, note = self.block(step.body, inner, {}, note)
-        found = [jnp.broadcast_to(of_lanes(v, inner), (size * width,)).reshape(size, width) for v in step.values]
-        single = size == 1 and lanes.live is None
-        rows = [v[0, k] if single else v[:, k] for k in range(width) for v in found]
-        lanes.values.update(zip(step.results, rows, strict=True))
-        return note
-
-    def _read(self, step: Step | SideBySide, lanes: Lanes) -> tuple[dict[Arg, Any], dict[Arg, Any]]:
+    def _read(self, step: Step, lanes: Lanes) -> tuple[dict[Arg, Any], dict[Arg, Any]]:
         """The values that a step may read, on lanes inside of it: those that all lanes share, and those that each has."""
         if id(step) not in self.read:
             self.read[id(step)] = set(free_names(cast(Any, step)))
@@ -317,7 +298,7 @@ class _Trace:
         own = {name: v for name, v in values.items() if getattr(v, "ndim", 0)}
         return {name: v for name, v in values.items() if name not in own}, own
 
-    def _repeated(self, step: Step | SideBySide, lanes: Lanes, width: int) -> dict[Arg, Any]:
+    def _repeated(self, step: Step, lanes: Lanes, width: int) -> dict[Arg, Any]:
         """The values that a step may read, on `width` lanes each."""
         shared, own = self._read(step, lanes)
         return shared | {name: Repeated(v, width).spread() for name, v in own.items()}
@@ -379,7 +360,7 @@ class _Trace:
         width = end - first
         rows = min(self.function._blocks[id(step)] // width, lanes.size)
         count = -(-lanes.size // rows)
-        if not any(isinstance(s, Loop | SideBySide) for s in step.body):
+        if not any(isinstance(s, Loop) for s in step.body):
             rows = -(-lanes.size // count)  # little is wasted in the last block
 
         def block(carried: Any, start: Any) -> Any:
@@ -416,7 +397,7 @@ class _Trace:
             length = jnp.maximum(length, 0)
             ends = jnp.cumsum(length if lanes.live is None else jnp.where(lanes.live, length, 0))
         count = -(-total // cap)
-        if count > 1 and not any(isinstance(s, Loop | SideBySide) for s in step.body):
+        if count > 1 and not any(isinstance(s, Loop) for s in step.body):
             cap = -(-total // count)  # little is wasted in the last block
 
         def part(start: Any, size: int, known: int | None, targets: Targets, note: Any) -> tuple[Any, Targets, Any]:

@@ -104,6 +104,16 @@ def test_what_is_left_over(x64_for_jax: Any, backend: str, places: int) -> None:
         assert not missed
 
 
+@pytest.mark.parametrize("many", [1, 5])
+def test_intervals_that_are_there_are_brought_together_in_jax(x64_for_jax: Any, many: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With few of them, and with more than there is room for."""
+    monkeypatch.setattr("teg.backends.jax.gaps.SHORT", 0)
+    monkeypatch.setattr("teg.backends.jax.gaps.MANY", many)
+    arrays = some(7, 3, 5)
+    found, _ = in_jax(program(3), arrays)
+    assert found == pytest.approx(interpret_arrays(program(3), [], arrays).outputs, abs=1e-14)
+
+
 WHOLE = [[0.0, 1.0]]
 TOUCH = 1e-6
 CASES: dict[str, tuple[list[list[float]], list[list[float]], float, bool]] = {  # candidates with two places, the line, the length, missed
