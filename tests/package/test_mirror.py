@@ -105,6 +105,7 @@ ELSEWHERE = {
     "teg/passes/differentiate": {"gaps": "tests/passes/differentiate/test_edges.py"},
     "teg/passes/lower": dict.fromkeys(("emit", "intrinsic", "levels", "refute", "rounding"), "tests/passes/lower/test_integrals.py")
     | {
+        "cut": "tests/ir/test_arrays.py",
         "gaps": "tests/passes/differentiate/test_edges.py",
         "linear": "tests/passes/normalise/test_tables.py",
         "loops": "tests/ir/test_arrays.py",

@@ -39,8 +39,9 @@ from teg.ir.node import Node, postorder
 from teg.ir.partition import Partition, Pullback, SeenSum
 from teg.ir.tables import RowSum, Table, TableUnit
 from teg.numerics.cells import Layout
+from teg.passes.lower.cut import parts_of, program_of
 from teg.passes.lower.linear import has_units, outside_of, stages, taken_apart
-from teg.program import Assign, Program, Stmt, assigned, free_names, has_ties
+from teg.program import Assign, Program
 from teg.program.arrays import (
     AddTo,
     Arg,
@@ -64,9 +65,6 @@ from teg.program.arrays import (
     Step,
     Take,
 )
-from teg.program.dce import without_dead_code
-from teg.program.fields import renamed
-from teg.program.names import is_condition, is_parameter, parameter_number
 from teg.program.verify import verified_arrays
 
 Schedule = Callable[[Sequence[Expr], Sequence[str], Sequence[Expr]], Program]
@@ -471,42 +469,16 @@ class _ArrayScheduler:
         return replaced([i for i, leaves in near if leaves <= symbols.keys()], cast("Mapping[Node, Expr]", symbols)) if near else []
 
     def _split(self, level: _Level, program: Program, given: Sequence[Arg], depths: Sequence[int]) -> list[Arg]:
-        """Returns the results of a flat program that is cut: statements without an inner index go further out. Values that meet ties stay
-        together."""
-        depth: dict[str, int] = {f"p{k}": d for k, d in enumerate(depths)}
-        home: list[int] = []
-        for stmt in program.body:
-            used = free_names(stmt)
-            here = level.depth if has_ties((stmt,)) else max((depth[n] for n in used), default=0)
-            home.append(here)
-            depth.update(dict.fromkeys(assigned(stmt), here))
-        asked = [o for o in dict.fromkeys(program.outputs) if isinstance(o, str)]
+        """Returns the results of a flat program that is cut: statements without an inner index go further out."""
         name: dict[str, Arg] = {f"p{k}": a for k, a in enumerate(given)}
-        for at in reversed(self._indices(level)):
-            block = tuple(s for s, here in zip(program.body, home, strict=True) if here == at.depth)
-            elsewhere = {n for s, here in zip(program.body, home, strict=True) if here != at.depth for n in free_names(s)}
-            across = [n for s in block for n in assigned(s) if n in elsewhere or n in asked]
-            name.update(zip(across, self._run(at, block, across, name, program), strict=True))
+        levels = list(reversed(self._indices(level)))
+        for at, part in zip(levels, parts_of(program, depths, [at.depth for at in levels]), strict=True):
+            if part.across:
+                flat, used = program_of(part, program)
+                results = tuple(self._fresh("v", at) for _ in part.across)
+                at.steps.append(Run(flat, tuple(name[n] for n in used), results))
+                name.update(zip(part.across, results, strict=True))
         return [name[o] if isinstance(o, str) else float(o) for o in program.outputs]
-
-    def _run(self, at: _Level, block: tuple[Stmt, ...], across: Sequence[str], name: Mapping[str, Arg], program: Program) -> list[str]:
-        """Returns the results of a part of a flat program; a boolean is passed on as 1 or 0."""
-        if not across:
-            return []
-        used = {n: None for s in block for n in free_names(s) if n in name}
-        number = {n: f"p{k}" for k, n in enumerate(used)}
-        truths = [n for n in used if is_condition(n)]
-        number.update((n, f"b{n}") for n in truths)
-        before = [Assign(f"b{n}", "gt0", (f"p{k}",)) for k, n in enumerate(used) if is_condition(n)]
-        after = [Assign(f"v{n}", "select", (n, 1.0, 0.0)) for n in across if is_condition(n)]
-        results = tuple(f"v{n}" if is_condition(n) else n for n in across)
-        titles = tuple(program.parameters[parameter_number(n)] if is_parameter(n) else n for n in used)
-        body = (*before, *(renamed(s, number) for s in block), *after)
-        ties = program.ties if has_ties(block) else ()
-        part = without_dead_code(replace(program, parameters=titles, body=body, outputs=results, ties=ties))
-        names = tuple(self._fresh("v", at) for _ in across)
-        at.steps.append(Run(part, tuple(name[n] for n in used), names))
-        return list(names)
 
 
 def _padded(node: Partition, order: int, shape: Layout, numbers: Sequence[Expr], length: int) -> Sequence[Expr]:
