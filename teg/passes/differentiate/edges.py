@@ -111,7 +111,6 @@ def _seen(around: Around, variables: Sequence[Var]) -> Expr:
 
 def _before(node: Uncovered, x: Var, hi: Expr, length: Expr) -> Around:
     """Returns what covers the places just before the upper bound of the inner variable."""
-
     beside = _beside(node.condition, node, lambda g: mul(MINUS_ONE, length, _slope(g, x)))
     at = {x: hi}
     condition = placed(node.condition, at)
@@ -123,7 +122,7 @@ def _before(node: Uncovered, x: Var, hi: Expr, length: Expr) -> Around:
 
 
 def edges_of(node: Uncovered, weight: Expr, moved: Param | None = None) -> Iterator[Expr]:
-    """Yields, for each atom of the condition, an integral whose derivatives are those of a `weight` as the edges move that the atom makes;
+    """Yields, for each surface of the condition, an integral whose derivatives are those of a `weight` as the edges move that it makes;
     with `moved`, which shifts them along x, that derivative alone is meant."""
     y_x, bounds = node.variables, node.bounds
 
@@ -157,23 +156,22 @@ def _others(node: Uncovered, edge: _Surface) -> Around:
     theirs = cast(Cond, cast(Node, replace_integers(cast(Expr, node.condition), {k: j})))
     distance = sub(as_number(j), as_number(k))
     different = positive(sub(integer_power(distance, 2), const(0.25)))
-
-    sense, lengths = _sense(node.condition, edge), add(*(integer_power(sub(hi, lo), 2) for lo, hi in node.bounds))
+    sense = _sense(node.condition, edge)
 
     def covering(sign: Expr) -> Cond:
-        return _beside(theirs, node, lambda g: mul(sign, sense, _dot(edge, _Surface(g, ()), variables)))
+        return _beside(theirs, node, lambda g: mul(sign, sense, _dot(edge.g, g, variables)))
 
-    nothing = [_is_opposite(node, edge, own, sense, lengths) for own in _surfaces(node.condition, variables) if own.g is not edge.g]
+    nothing = [_is_opposite(node, edge, own) for own in _surfaces(node.condition, variables) if own.g is not edge.g]
     wider = conjunction(covering(ONE), less(distance, ZERO, True))
     tie = bracket(conjunction(different, disjunction(covering(MINUS_ONE), wider, *nothing)))
     return Around((j, node.lo, node.hi), conjunction(different, theirs), tie, node.within)
 
 
-def _is_opposite(node: Uncovered, edge: _Surface, other: _Surface, sense: Expr, lengths: Expr) -> Cond:
+def _is_opposite(node: Uncovered, edge: _Surface, other: _Surface) -> Cond:
     """Returns whether another surface of a candidate runs along its edge, and the candidate covers neither side there, or both: its two
     edges cancel, if both are seen or none is."""
-    turned = mul(sense, _sense(node.condition, other), _dot(edge, other, node.variables))
-    return conjunction(_on_line(other, node.variables, lengths), positive(mul(MINUS_ONE, turned)))
+    senses = (_sense(node.condition, surface) for surface in (edge, other))
+    return conjunction(_on_line(other.g, node), positive(mul(MINUS_ONE, *senses, _dot(edge.g, other.g, node.variables))))
 
 
 class _Surface(NamedTuple):
@@ -203,8 +201,8 @@ def _sides(condition: Cond, surface: _Surface) -> tuple[Cond, Cond]:
 
 
 def _sense(condition: Cond, surface: _Surface) -> Expr:
-    """Returns 1 if a condition holds on that side of a surface where its function is above 0, -1 if on the other one: as it is written, for
-    where the rest of the condition fails neither side has anything to cover. Raises Refused if that depends on more than integers."""
+    """Returns 1 if a condition holds on that side of a surface where its function is above 0, -1 if on the other one. That is how the
+    condition is written: where the rest of it fails, neither side is covered. Raises Refused if it depends on more than integers."""
     with_it, against = gates_of(condition, surface.atoms)
     if FALSE in (with_it, against):
         return ONE if against is FALSE else MINUS_ONE
@@ -215,25 +213,25 @@ def _sense(condition: Cond, surface: _Surface) -> Expr:
 
 def _beside(condition: Cond, node: Uncovered, ahead: Callable[[Expr], Expr]) -> Cond:
     """Returns a condition beside a line on which surfaces of it are: there the functions of these have the signs of `ahead`."""
-    lengths = add(*(integer_power(sub(hi, lo), 2) for lo, hi in node.bounds))
     surfaces = _surfaces(condition, node.variables)
     truths: dict[Node, Expr] = {}
     for surface in surfaces:
-        on_line = TRUE if len(surfaces) == 1 else _on_line(surface, node.variables, lengths)
+        on_line = TRUE if len(surfaces) == 1 else _on_line(surface.g, node)
         sign = conjunction(on_line, positive(ahead(surface.g)))
         for atom in surface.atoms:
             truths[atom] = cast(Expr, disjunction(sign, conjunction(negation(on_line), atom)))
     return cast(Cond, replaced([cast(Expr, condition)], truths)[0])
 
 
-def _on_line(surface: _Surface, variables: Sequence[Var], lengths: Expr) -> Cond:
-    """Returns whether places are on a surface, as far as can be told; `lengths` is the square of the size of the box."""
-    return less(integer_power(surface.g, 2), mul(const(NEAR**2), lengths, _dot(surface, surface, variables)), True)
+def _on_line(g: Expr, node: Uncovered) -> Cond:
+    """Returns whether places are on a surface, as far as can be told beside the size of the box."""
+    lengths = add(*(integer_power(sub(hi, lo), 2) for lo, hi in node.bounds))
+    return less(integer_power(g, 2), mul(const(NEAR**2), lengths, _dot(g, g, node.variables)), True)
 
 
-def _dot(a: _Surface, b: _Surface, variables: Sequence[Var]) -> Expr:
-    """Returns the product of the gradients of two surfaces."""
-    return add(*(mul(_slope(a.g, v), _slope(b.g, v)) for v in variables))
+def _dot(g: Expr, h: Expr, variables: Sequence[Var]) -> Expr:
+    """Returns the product of the gradients of two functions."""
+    return add(*(mul(_slope(g, v), _slope(h, v)) for v in variables))
 
 
 def _slope(g: Expr, x: Var) -> Expr:
@@ -292,7 +290,7 @@ def _sum_of_quarters(e: Expr) -> Expr:
 
 def _of_branches(node: Where, derive: Derive) -> Expr:
     """Returns a choice between charts, no number where the one that is taken cannot be followed: that of an ellipse which is a strip, or a
-    million times as large as the box. Of a branch beside one that candidates do not cover it is refused."""
+    million times as large as the box. Raises Refused if none can be, or if there is no other chart: what stands beside has no edge."""
     refused: list[Refused] = []
     branches: list[Expr] = []
     for branch in (node.then, node.otherwise):

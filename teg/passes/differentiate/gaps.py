@@ -79,9 +79,8 @@ def over_gaps(node: Integral, around: Around, weight: Expr) -> Expr:
     known = conjunction(*(placed(c, {s: s}) for c in some if _has_roots(c, s)))
     covered, tie, where_it_matters = symbols.out_of([bracket(condition), tie, bracket(known)])
     over = *around.over, s, LEFT, RIGHT
-    return mul(
-        sign, *signs, cast(Expr, Gaps.make(over, (first, last, covered, tie, where_it_matters, integral_over(weight, s, LEFT, RIGHT))))
-    )
+    term = integral_over(weight, s, LEFT, RIGHT)
+    return mul(sign, *signs, cast(Expr, Gaps.make(over, (first, last, covered, tie, where_it_matters, term))))
 
 
 def _check_roots(functions: Sequence[Expr], s: Var) -> None:
@@ -98,8 +97,11 @@ def _check_roots(functions: Sequence[Expr], s: Var) -> None:
 
 
 def _without_signs(weight: Expr, s: Var) -> tuple[list[Expr], Expr]:
-    """Returns the factors of a weight that are one of two numbers on the whole line, and the others. Such a sign stands beside conditions
-    around the line, with which it must be averaged where both tie."""
+    """Returns the factors of a weight that are one of two numbers on the whole line, and the others.
+
+    Such a sign belongs to a condition around the line. Where both tie, both sides of the tie are averaged over their product, not over
+    each of them.
+    """
     condition, rest = nonzero_part(weight)
     if condition is not TRUE:
         signs, rest = _without_signs(rest, s)

@@ -3,9 +3,9 @@
     ∫∫ f(any_k c_k)               =   ∫∫ f(true) - ∫∫ (f(true) - f(false))·[no k has c_k]
     ∫∫ f(nearest_k(v, g | c; o))  =   Σ_k ∫∫ f(v_k)·[c_k and no j has c_j and g_j < g_k] + ∫∫ f(o)·[no k has c_k]
 
-What is in brackets is that no candidate covers a place: of the second, k itself where c_k does not hold, and j where it wins. The integral
-is `Uncovered`, which is followed along the edges of candidates (`teg.passes.differentiate.edges`), however many there
-are. Cost: a visit a node.
+The brackets say that no candidate covers a place. In the sum, k covers what is outside of c_k, and j covers where it wins over k. Such an
+integral is `Uncovered`, which is followed along the edges of candidates (`teg.passes.differentiate.edges`), however many there are. Cost:
+a visit a node.
 """
 
 from __future__ import annotations
@@ -34,7 +34,8 @@ from teg.passes.normalise.partitions import Choice, Refused, one_choice
 PLACES = (0.2137, 0.3719), (0.5773, 0.8419), (0.8081, 0.1253)
 """Where in a box it is looked at whether two keys are the same function, as parts of its lengths."""
 SAME, LEAST, NOISE = 2.0**-36, 1e-290, 2.0**-9
-"""By what part of its size a key is less than the same one, by how much at least, and what part of that is rounding."""
+"""Of two keys that are the same function, one is made less by this part of their sizes, but by LEAST at least. They are the same if they
+differ by less than the part NOISE of that."""
 NO_AREA = 1e-13
 """What part of a box may be free, by rounding, where candidates cover all of it."""
 Over = tuple[IndexVar, Index, Index]
@@ -111,8 +112,8 @@ def _without_zeros(condition: Cond, variables: Sequence[Var]) -> Cond:
 
 
 def _wins(rival: Expr, key: Expr, before: Cond, bounds: Bounds) -> Cond:
-    """Returns whether a rival wins over a candidate, `before` which it is or not. Of keys that are the same function of the variables the
-    lower index wins, by a little, so that there is no surface where their difference is 0 everywhere."""
+    """Returns whether a rival wins over a candidate; `before` says whether its index is lower. Of keys that are the same function of the
+    variables, that of the lower index is made a little less, so that their difference is nowhere 0."""
     variables = [x for x, _, _ in bounds]
     if rival.free.isdisjoint(variables):
         return disjunction(less(rival, key, True), conjunction(before, less(rival, key, False)))
@@ -134,7 +135,7 @@ def _range_of(choice: Choice) -> Over:
 
 
 def _otherwise(choice: Choice, bounds: Bounds) -> Expr:
-    """Returns the integral over what no candidate covers: not a number if a place is there and nothing to be chosen."""
+    """Returns the integral over what no candidate covers; NaN if that is some place, and the program does not say what is chosen there."""
     if choice.condition is TRUE:
         length = sub(*(as_number(end) for end in (choice.over.hi, choice.over.lo)))
         return where(positive(length), ZERO, _nest(choice.otherwise, bounds))
