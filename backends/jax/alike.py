@@ -30,7 +30,6 @@ from itertools import count
 from typing import Annotated, Any
 
 from teg.backends.branches import Uses
-from teg.backends.jax.in_common import in_common
 from teg.backends.jax.matching import Matching, Unlike, settings_of
 from teg.program import Adaptive, Arg, Assign, Integrate, Isolate, Locate, Program, assigned, statements
 from teg.program.dce import without_dead_code
@@ -95,8 +94,6 @@ def _with_group_as_rows(
     if found is None:
         return None
     rows, selects = found
-    if any(map(_has_common, group)) and not _has_common(rows.body[-1]):
-        return None  # a search would stand twice
     changed = _live(_with(stmts, group, rows, uses[0]), needed, uses[1])
     return None if selects and _cost(stmts) - _cost(changed) < SPARED * _cost(group) else changed
 
@@ -122,11 +119,6 @@ def _cost(block: Iterable[Any]) -> int:
     """Returns what a block costs XLA, in statements."""
     loops = (Isolate, Locate)
     return sum(LOOP if isinstance(s, loops) or isinstance(getattr(s, "rule", None), Adaptive) else 1 for s in statements(tuple(block)))
-
-
-def _has_common(stmt: Any) -> bool:
-    """Whether the flags and the body of an integral have a search in common."""
-    return isinstance(stmt, Integrate) and in_common(stmt) is not None
 
 
 def _independent(stmts: Sequence[Any], group: Sequence[Any], uses: Uses) -> bool:
@@ -174,8 +166,7 @@ def _rows(stmts: Sequence[Any], group: Sequence[Any], needed: set[str], uses: Us
     own = {s.name: s for s in stmts if isinstance(s, Assign) and s.name not in others}
     matching = Matching(len(group), own, numbers)
     try:
-        group = _with_as_many_results(_with_as_many_breaks(group), numbers)
-        body = matching.statement(group)
+        body = matching.statement(_with_as_many_breaks(group))
     except (Unlike, RecursionError):  # texts that are nested too deeply are left as they are
         return None
     results = tuple(name for s in group for name in assigned(s))
@@ -194,33 +185,3 @@ def _with_as_many_breaks(group: Sequence[Any]) -> Sequence[Any]:
         return group
     most = max(len(s.breaks) for s in group)
     return [replace(s, breaks=(*s.breaks, *(math.nan,) * (most - len(s.breaks)))) for s in group]
-
-
-def _with_as_many_results(group: Sequence[Any], numbers: Iterator[int]) -> Sequence[Any]:
-    """The statements; of adaptive integrals with the same tolerance for all results, some have zeros more, so that all have as many results
-    as the one with the most. Those that this one has more stand last: the first ones, if the others are made by statements of the same
-    kind, so that searches are compared before what only one of the rows needs."""
-    lengths = {len(getattr(s, "results", ())) for s in group}
-    if len(lengths) == 1 or not all(_is_plainly_adaptive(s) for s in group):
-        return group
-    least, most = min(lengths), max(lengths)
-    kinds = {id(s): _makers(s) for s in group}
-    fewest = next(kinds[id(s)] for s in group if len(s.results) == least)
-    padded = []
-    for s in group:
-        more, own = len(s.results) - least, kinds[id(s)]
-        turn = more if own[more:] == fewest else 0
-        zeros, unused = (0.0,) * (most - least - more), tuple(f"w{next(numbers)}" for _ in range(most - least - more))
-        values, results = ((*entries[turn:], *entries[:turn]) for entries in (s.values, s.results))
-        padded.append(replace(s, values=values + zeros, results=results + unused))
-    return padded
-
-
-def _is_plainly_adaptive(stmt: Any) -> bool:
-    return isinstance(stmt, Integrate) and isinstance(stmt.rule, Adaptive) and not stmt.estimates and stmt.guard is None
-
-
-def _makers(stmt: Integrate) -> list[type | None]:
-    """Returns the kinds of the statements that make the values of an integral."""
-    made = {name: type(s) for s in stmt.body for name in assigned(s)}
-    return [made.get(str(v)) for v in stmt.values]

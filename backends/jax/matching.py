@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import fields, replace
 from typing import Any
 
-from teg.program import Adaptive, Arg, Assign, assigned, free_names, statements
-from teg.program.fields import Block, Operand, Part, Result, Variable, declared, renamed, variables
+from teg.program import Arg, Assign, assigned
+from teg.program.fields import Block, Operand, Part, Result, Variable, declared
 
 UNREAD = "soft"
 """A setting of roots that backends do not read: only estimates of errors do, which are statements by now."""
@@ -273,7 +273,7 @@ class Matching:
             return self.stands[row][a]
         number, stmt = self.made[row][a]
         if not isinstance(stmt, Assign):
-            return self._copied(row, a)
+            raise Hopeless
         place = number, self._shape(row, a)
         same = [self._of_shape(r, place) for r in range(len(self.made))]
         if all(same):
@@ -286,19 +286,6 @@ class Matching:
         self.blocks[number].append(Assign(name, stmt.op, args))
         self.stands[row][a] = name
         return name
-
-    def _copied(self, row: int, a: str) -> Arg:
-        """The same of a result of a statement with blocks that only one row has: all rows run it. It must have no ties."""
-        number, stmt = self.made[row][a]
-        inside = list(statements((stmt,)))
-        if number == 0 or any(isinstance(s, Assign) and s.op == "tie" for s in inside):
-            raise Hopeless
-        own = {name for s in inside for name in (*assigned(s), *variables(s))}
-        around = {name: self._at(number, self._of_row, row, name) for name in free_names(stmt)}
-        new = {name: self._name() for name in own}
-        self.blocks[number].append(renamed(stmt, {**around, **new}))
-        self.stands[row] |= {name: new[name] for name in assigned(stmt)}
-        return new[a]
 
     def _only_of(self, row: int, scale: Arg, number: int) -> Arg:
         """The scale of a tie that only one row may meet: that of others is negative, and nothing is as near to 0 as that."""
@@ -356,7 +343,6 @@ def _key(arg: Arg) -> Any:
 
 
 def settings_of(node: Any) -> list[Any]:
-    """Returns the settings of a statement that backends read: a closed rule has no first look at a piece."""
+    """Returns the settings of a statement that backends read."""
     known = {f.name for f in declared(type(node))}
-    settings = [getattr(node, f.name) for f in fields(node) if f.name not in known and f.name != UNREAD]
-    return [replace(s, first=s.order) if isinstance(s, Adaptive) and s.closed else s for s in settings]
+    return [getattr(node, f.name) for f in fields(node) if f.name not in known and f.name != UNREAD]

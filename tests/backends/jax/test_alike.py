@@ -12,7 +12,7 @@ import teg
 from teg.backends.jax.alike import Rows, with_rows
 from teg.backends.jax.kernel import compile_jax
 from teg.backends.numpy.kernel import compile_numpy
-from teg.program import Adaptive, Ellipse, Gauss, HalfPlane, Integrate, Isolate, Moments, Program, Stmt, Tie, statements
+from teg.program import Ellipse, Gauss, HalfPlane, Integrate, Isolate, Moments, Program, Stmt, Tie
 from tests.backends.isolate_surfaces import cubic, isolate
 from tests.backends.programs import let
 from tests.backends.programs import program as program_of
@@ -252,21 +252,3 @@ def test_the_quarters_of_a_disk_are_rows_of_one() -> None:
     assert [len(row.results) for row in rows] == [4]
     exact = teg.compile(f.expression, [r], backend="numpy")
     np.testing.assert_allclose(f.grad(r=np.array([0.6, 1.1]))["r"], exact.grad(r=np.array([0.6, 1.1]))["r"], rtol=1e-12)
-
-
-@pytest.mark.usefixtures("x64")
-@pytest.mark.parametrize("in_front", [True, False])
-def test_an_integral_with_a_result_more(in_front: bool) -> None:
-    """The other row has a zero for it; what only that result needs is run for both; a closed rule does not read how it begins."""
-    inner = integral("v5", "x2", (let("v4", "mul", "x1", "x2"),), "v4", hi="x1", nodes=2)
-    first = (let("v1", "mul", 2.0, "x1"), let("v2", "exp", "v1"), let("v3", "mul", "p0", "v2"), inner)
-    second = (let("v6", "mul", 3.0, "x3"), let("v7", "exp", "v6"), let("v8", "mul", "p1", "v7"))
-    values, results = (("v5", "v3"), ("va", "vb")) if in_front else (("v3", "v5"), ("vb", "va"))
-    rules = [Adaptive(1e-10, first=n, order=16, closed=True) for n in (8, 10)]
-    one = Integrate("x1", 0.0, 1.0, (), (), None, first, values, results, rules[0])
-    other = Integrate("x3", 0.0, 1.0, (), (), None, second, ("v8",), ("vc",), rules[1])
-    p = program(2, one, other, let("vd", "add", "va", "vb", "vc"), "vd")
-    (rows,) = rows_of(p)
-    assert rows.results[:3] == ("vb", "va", "vc")
-    assert sum(isinstance(s, Integrate) for s in statements(rows.body)) == 2
-    agree(p, [0.5, -0.3], [1.5, 2.0])
