@@ -10,15 +10,8 @@ import numpy as np
 import pytest
 
 import teg
+from tests.passes.differentiate.candidates import ALL, BACKENDS, BOX, D, follows_edges, k, p, t, x, y
 from tests.references.disks import integral_over_union, slopes_of_union
-
-x, y = teg.vars("x y")
-t = teg.param("t")
-D = teg.array("D", 2)
-k, p = teg.index("k"), teg.index("p")
-BOX = ((x, 0, 1), (y, 0, 1))
-ALL = (k, 0, teg.length(D, 0))
-BACKENDS = ["c", "numpy"]
 
 
 def in_disk(row: Callable[[int], Any]) -> teg.Cond:
@@ -34,10 +27,6 @@ def by_hand(condition: Callable[[Callable[[int], Any]], teg.Cond], rows: int) ->
     for j in range(1, rows):
         found = found | condition(lambda i, j=j: D[j, i])  # type: ignore[misc]
     return found
-
-
-def follows_edges(f: Any) -> bool:
-    return f._lengths.any is not None and f._lengths.any.plan.follows_edges
 
 
 def some(n: int, seed: int = 0) -> np.ndarray:

@@ -13,22 +13,12 @@ import pytest
 import teg
 from teg.passes.normalise import choices
 from teg.passes.normalise.partitions import Refused
+from tests.passes.differentiate.candidates import ALL, BACKENDS, BOX, D, follows_edges, k, p, t, x, y
 from tests.references.disks import integral_of_layers, slopes_of_layers
 
-x, y = teg.vars("x y")
-t = teg.param("t")
-D = teg.array("D", 2)
-k, p = teg.index("k"), teg.index("p")
-BOX = ((x, 0, 1), (y, 0, 1))
-ALL = (k, 0, teg.length(D, 0))
-BACKENDS = ["c", "numpy"]
 INSIDE = (x - D[k, 0]) ** 2 + (y - D[k, 1]) ** 2 < D[k, 2] ** 2
 GROUND = 0.1
 PAINTED = teg.integral(teg.nearest(D[k, 4], D[k, 3], ALL, where=INSIDE, otherwise=GROUND), *BOX)  # rows: centre, radius, depth, colour
-
-
-def follows_edges(f: Any) -> bool:
-    return f._lengths.any is not None and f._lengths.any.plan.follows_edges
 
 
 def some(n: int, seed: int = 0) -> np.ndarray:
