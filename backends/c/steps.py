@@ -198,22 +198,32 @@ class StepPrinter(CellPrinter):
         """Returns a sum over the gaps that candidates leave."""
         at, count = f"{step.results[0]}_gaps", f"{step.results[0]}_count"
         first, last = (spelled(end) if isinstance(end, str) else literal(float(end)) for end in (step.first, step.last))
-        given = ", ".join(spelled(v) if isinstance(v, str) else literal(float(v)) for v in step.values)
-        lo = spelled(step.lo)
+        given, velocities = (
+            ", ".join(spelled(v) if isinstance(v, str) else literal(float(v)) for v in several)
+            for several in (step.values, step.velocities)
+        )
+        moving = f"(const double[]){{{velocities}}}" if velocities else "NULL"
+        outer = [spelled(v) if isinstance(v, str) else literal(float(v)) for v in step.outer]
+        lo, width = spelled(step.lo), 4 if step.moving else 2
         candidate = [
             "if (teg_stopped(pace)) break;",
             *self._block(step.body, depth + 1),
-            f"teg_add_covered(&{at}, {step.places}, (const double[]){{{given}}});",
+            f"teg_add_covered(&{at}, {step.places}, (const double[]){{{given}}}, {moving});",
         ]
         gap = [
-            f"const double {step.left} = k < {count} ? {at}.ends[2 * k] : {at}.first;",
-            f"const double {step.right} = k < {count} ? {at}.ends[2 * k + 1] : {at}.last;",
+            f"const double {step.left} = k < {count} ? {at}.ends[{width} * k] : {at}.first;",
+            f"const double {step.right} = k < {count} ? {at}.ends[{width} * k + 1] : {at}.last;",
             f"if (!teg_is_piece({step.left}, {step.right})) break;",
+            *(
+                f"const double {name} = k < {count} ? {at}.ends[{width} * k + {2 + side}] : {last_one};"
+                for side, (name, last_one) in enumerate(zip(step.moving, (f"{at}.outer", *outer[1:]), strict=False))
+            ),
             *self._block(step.inside, depth + 1),
             *packed(f"{r} += {spelled(v)};" for r, v in zip(step.results, step.terms, strict=True)),
         ]
+        lost = f"isnan({first}) || isnan({last})"
         return [
-            f"teg_gaps {at} = {{{first}, {last}, NULL, 0, 0, isnan({first}) || isnan({last}), 0, 0, 0}};",
+            f"teg_gaps {at} = {{{first}, {last}, NULL, 0, 0, {lost}, 0, 0, 0, {width}, {outer[0] if outer else '0.0'}}};",
             f"const int64_t {count}_end = {first} < {last} ? {spelled(step.hi)} : {lo};",
             f"for (int64_t {step.index} = {lo}; {step.index} < {count}_end && !{at}.closed; {step.index}++) {{",
             *indent(*candidate),

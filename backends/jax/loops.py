@@ -21,7 +21,7 @@ import numpy as np
 from jax import lax
 
 from teg.backends.jax.cells import cells_on_host, cells_with_most
-from teg.backends.jax.gaps import gaps_of_lanes, places_of
+from teg.backends.jax.gaps import Line, gaps_of_lanes, places_of
 from teg.backends.jax.kernel import JaxKernel
 from teg.backends.jax.lanes import ARITHMETIC, NOWHERE, Lanes, Repeated, least_of_segments, live_terms, nowhere_or, of_lanes, row_of
 from teg.backends.jax.lengths import Extents
@@ -259,7 +259,10 @@ class _Trace:
 
         first, last = (on_lanes(end, lanes, size) for end in (step.first, step.last))
         values = jnp.stack([on_lanes(v, inner, total) for v in step.values]) if total else jnp.zeros((len(step.values), 0))
-        found = gaps_of_lanes(values, (parent, inner.live if total else None), first, last)
+        velocities = [on_lanes(v, inner, total) for v in step.velocities] if total else [jnp.zeros(0)] * len(step.velocities)
+        outer = tuple(on_lanes(v, lanes, size) for v in step.outer)
+        line = Line(first, last, outer, jnp.reshape(jnp.asarray(velocities), (len(velocities), total)))
+        found = gaps_of_lanes(values, (parent, inner.live if total else None), line)
         doubts = jnp.where((values[-1] > 0.0) & (first < last)[parent], 1.0, 0.0)
         doubtful = jax.ops.segment_sum(live_terms(doubts, inner), parent, size) if total else jnp.zeros(size)
         note = note | jnp.where(jnp.any(doubtful > 0.0), MISSED, 0)
@@ -274,8 +277,8 @@ class _Trace:
             at = jnp.where(here, places_of(number, counts), 0)
             lane = jnp.where(here, found.lane[at], 0)
             given = self._taken(step, lanes, lane)
-            given[step.left] = jnp.where(here, found.left[at], 0.0)
-            given[step.right] = jnp.where(here, found.right[at], 0.0)
+            ends = zip((step.left, step.right, *step.moving), found.ends, strict=True)
+            given.update((name, jnp.where(here, end[at], 0.0)) for name, end in ends)
             within = Lanes(given, room, here)
             _, note = self.block(step.inside, within, {}, note)
             terms = [live_terms(on_lanes(t, within, room), within) for t in step.terms]

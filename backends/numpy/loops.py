@@ -241,25 +241,28 @@ class Running:
 
     def _gaps(self, step: Gaps, lanes: Lanes) -> None:
         first, last = (_numbers(end, lanes) for end in (step.first, step.last))
-        found = [(np.zeros(0, np.int64), np.zeros(0), np.zeros(0))]
+        outer = tuple(_numbers(v, lanes) for v in step.outer)
+        found: list[tuple[Array, ...]] = [(np.zeros(0, np.int64), *(np.zeros(0) for _ in range(4 if step.moving else 2)))]
         lost, doubtful = np.isnan(first) | np.isnan(last), np.zeros(lanes.size)
         for inside, parent in self._iterations(step, lanes, first < last):
             values = np.stack([_numbers(v, inside) for v in step.values])
             doubtful += np.bincount(parent, weights=values[-1] > 0.0, minlength=lanes.size)
-            lane, covered = covered_by(values, first[parent], last[parent])
+            velocities = np.reshape([_numbers(v, inside) for v in step.velocities], (step.places, inside.size)) if step.moving else None
+            lane, covered = covered_by(values, first[parent], last[parent], velocities)
             lost[parent[lane]] = True
             found.append((parent[covered[0]], *covered[1:]))
-        every, p, q = (np.concatenate(parts) for parts in zip(*found, strict=True))
-        lane, left, right = gaps_of_lanes(every, (p, q), first, last)
+        every, *ends = (np.concatenate(parts) for parts in zip(*found, strict=True))
+        lane, *gaps = gaps_of_lanes(every, ends, first, last, outer)
         self.missed |= bool(doubtful.any())
         lanes.values.update(dict.fromkeys(step.doubtful, doubtful))
         known = ~lost[lane]
         sums = np.where(lost, np.nan, np.zeros((len(step.results), lanes.size)))
         for start in range(0, int(known.sum()), BLOCK):
-            parent, p, q = (v[known][start : start + BLOCK] for v in (lane, left, right))
+            parent, *ends = (v[known][start : start + BLOCK] for v in (lane, *gaps))
             used = self.kernel._used[id(step)]
             inner = {name: v[parent] if v.ndim else v for name in used if (v := lanes.values.get(name)) is not None}
-            inside = Lanes({**inner, step.left: p, step.right: q}, parent.size, lanes.element[parent])
+            inner.update(zip((step.left, step.right, *step.moving), ends, strict=True))
+            inside = Lanes(inner, parent.size, lanes.element[parent])
             self.block(step.inside, inside)
             for row, value in zip(sums, step.terms, strict=True):
                 row += np.bincount(parent, weights=_numbers(value, inside), minlength=lanes.size)

@@ -63,7 +63,7 @@ class Lengths:
         for p, d in along.items():
             if isinstance(p, Array) and isinstance(d, Array) and shapes[p] != shapes[d]:
                 raise ParameterError(f"the direction along {p.name} has the shape {shapes[d]}, {p.name} has {shapes[p]}")
-        if self.any is None or self.any.plan.follows_edges:  # what follows edges writes candidates out for second derivatives
+        if self.any is None or self.any.plan.needs_lengths(wanted):
             return call, self._for_lengths(shapes, given)
         return call, self.any
 

@@ -23,24 +23,24 @@ from functools import partial
 from typing import Generic, NamedTuple, TypeVar, cast
 
 from teg.analysis.settings import Integration
-from teg.errors import EstimatorError
+from teg.errors import EstimatorError, NotDifferentiableError
 from teg.evaluator.options import Options
 from teg.evaluator.timing import log, timed
 from teg.ir import simplify
 from teg.ir.arrays import Array, has_arrays
 from teg.ir.cells import replaced
-from teg.ir.expr import Expr, Param, Var
+from teg.ir.expr import ZERO, Expr, Param, Var
 from teg.ir.index import ArrayName
 from teg.ir.node import Node, postorder
-from teg.ir.still import released
+from teg.ir.still import has_still, released
 from teg.ir.uncovered import Uncovered
 from teg.maps.diffeomorphism import Diffeomorphism
-from teg.passes.differentiate.edges import along_edges
+from teg.passes.differentiate.edges import along_edges as values_along_edges
 from teg.passes.differentiate.estimators.estimator import Estimator
 from teg.passes.differentiate.estimators.ignore import Ignore, ignore_discontinuities
-from teg.passes.differentiate.through_sums import Parameter, gradient, on_cells, tangent
+from teg.passes.differentiate.through_sums import Parameter, along_edges, gradient, on_cells, tangent
 from teg.passes.intrinsics import with_loops
-from teg.passes.lower.gaps import schedule_matters, schedule_places
+from teg.passes.lower.gaps import Candidate, schedule_matters, schedule_places
 from teg.passes.lower.integrals import About
 from teg.passes.lower.loops import Output, output_of, schedule_arrays
 from teg.passes.lower.weights import has_relative_sums
@@ -286,8 +286,10 @@ class Derivation:
 
         def places(cells: Sequence[Expr], names: Sequence[str], line: Var) -> Program:
             numbers = [released(canonicalise(c)) for c in cells]
-            schedule = partial(schedule_places, numbers[0], numbers[1]) if len(numbers) > 1 else partial(schedule_matters, numbers[0])
-            program = schedule(line, names, how)
+            if len(numbers) == 1:
+                program = schedule_matters(numbers[0], line, names, how)
+            else:
+                program = schedule_places(Candidate(numbers[0], numbers[1], tuple(numbers[2:])), line, names, how)
             return program if unfinished else finished(program)
 
         scalars = [p.name for p in arguments if isinstance(p, Param)]
@@ -297,6 +299,8 @@ class Derivation:
     def _looped_outputs(self, wanted: Wanted, entry: int | None, tables: bool) -> list[Output]:
         """Returns the computed numbers and arrays, without δ. With `tables`, numbers of candidates are read from these."""
         task, entries = self.task, self.entries if entry is None else [self.entries[entry]]
+        if task.follows_edges and wanted.along:
+            return self._second_along_edges(entries, wanted)
         moved = entries if task.source is None else [e for i, e in enumerate(flatten(task.source)) if entry in (None, i)]
         if tables:
             entries, moved = ([with_tables(e) for e in several] for several in (entries, moved))
@@ -315,6 +319,26 @@ class Derivation:
                 if slope.has_delta:  # a tangent is also a value, as a factor of another derivative
                     slope = on_cells(slope, normal)
                 found.append((p, slope) if isinstance(p, Array) else slope)
+        return found
+
+    def _second_along_edges(self, entries: Sequence[Expr], wanted: Wanted) -> list[Output]:
+        """Returns the derivatives of gradients along a direction, in which gaps between candidates move. Raises Refused."""
+        task = self.task
+        if len(wanted.along) > 1:
+            raise Refused("it is differentiated more than twice")
+        followed = {n: ZERO for n in postorder([task.expression]) if isinstance(n, Uncovered)}
+        if any(n.has_still_conditions for n in followed) or has_still(replaced([task.expression], followed)[0]):
+            raise Refused("it has conditions that do not move")
+        (direction,) = self.directions(wanted)
+
+        def derive(cell: Expr, wrt: Sequence[Param]) -> list[Expr]:
+            return flatten(compiled_outputs(cell, wrt, 1, task.estimator, Elimination(task.maps, closed_forms=False))[1])
+
+        found: list[Output] = []
+        for entry in entries:
+            for p, slope in zip(task.wrt, gradient(entry, task.wrt, derive), strict=True):
+                rate = task.computed(tangent(released(slope), direction, along_edges(derive)))
+                found.append((p, rate) if isinstance(p, Array) else rate)
         return found
 
     def _tangent(self, leaf: Expr, wanted: Wanted) -> Expr:
@@ -361,12 +385,27 @@ class Plan:
         self.derivation = _derivation(Task(abstract, self.wrt, self.leaves, self.integers, *how, source, tuple(edges.items())))
         self.entries, self.has_loops = flatten(e), self.derivation.has_loops
         self._written: Kept[None, Plan] = Kept(1)
+        self._refused: Kept[Wanted, bool] = Kept()
         self._linked: Kept[tuple[Wanted, int | None, bool, Integration | None], Program] = Kept()
 
     @property
     def follows_edges(self) -> bool:
-        """Returns whether candidates are followed along their edges, for values and first derivatives."""
+        """Returns whether candidates are followed along their edges."""
         return self.derivation.task.follows_edges
+
+    def needs_lengths(self, wanted: Wanted) -> bool:
+        """Returns whether candidates, which are followed along their edges in the values, must be written out for these outputs."""
+        if not (wanted.along and self.follows_edges):
+            return False
+
+        def refused() -> bool:
+            try:
+                self.derivation.program(wanted)
+            except (Refused, NotDifferentiableError):
+                return True
+            return False
+
+        return self._refused.get(wanted, refused)
 
     def _written_out(self) -> Plan:
         """Returns the plan of the same program with candidates written out, for second derivatives. Raises NeedsLengths."""
@@ -386,7 +425,7 @@ class Plan:
         self, wanted: Wanted, entry: int | None = None, errors: bool = False, how: Integration | None = None
     ) -> Program | ArrayProgram:
         """Returns the program of all values or of one entry, as `Derivation.program` does, with the bodies of the functions."""
-        if wanted.along and self.follows_edges:
+        if self.needs_lengths(wanted):
             return self._written_out().program(wanted, entry, errors, how)
         if not self.functions:
             return self.derivation.program(wanted, entry, errors, how)
@@ -407,15 +446,11 @@ def followed(e: Expr, wrt: Sequence[Parameter]) -> tuple[Expr, dict[Node, Expr]]
     if not any(isinstance(n, Uncovered) for n in postorder([e])):
         return e, {}
     try:
-        edges = along_edges(e, derive)
+        edges = values_along_edges(e, derive)
         for entry in flatten(e) if wrt else ():
             gradient(entry, wrt, derive)
         return e, edges
     except Refused as refused:
-        import os
-
-        if os.environ.get("DBG"):
-            print("REFUSED", refused.reason)
         return without_uncovered(e, refused.reason), {}
 
 

@@ -12,13 +12,15 @@ from __future__ import annotations
 from typing import Any, cast
 
 from teg.ir.arrays import Ranged
-from teg.ir.expr import Cond, Expr, Param, Var
+from teg.ir.expr import Cond, Expr, Param, Var, Where
 from teg.ir.function import Apply, Slot
 from teg.ir.index import APART
 from teg.ir.node import Node, postorder, union
 
 TURN = Param.make(f"{APART}turn cos", ()), Param.make(f"{APART}turn sin", ())
 """The cosine and the sine of the angle around which a quarter of an ellipse lies, in integrals along it: there is one for each quarter."""
+VELOCITIES = Param.make(f"{APART}left moves", ()), Param.make(f"{APART}right moves", ())
+"""The velocities of the ends of a gap."""
 
 
 def marks_of(root: Node) -> list[Apply]:
@@ -27,7 +29,8 @@ def marks_of(root: Node) -> list[Apply]:
 
 
 class Uncovered(Ranged, Expr):
-    """∫…∫ body over the part of a box that no candidate covers; data are (index, lo, hi, variables), the outermost variable first.
+    """∫…∫ body over the part of a box that no candidate covers; data are (index, lo, hi, variables), the outermost variable first, and
+    True if conditions that the user wrote do not move with parameters.
 
     Children: the condition under which a candidate covers a point, one outside of which candidates cover every point, the body, and a
     lower and an upper bound for each variable.
@@ -41,6 +44,11 @@ class Uncovered(Ranged, Expr):
     @property
     def variables(self) -> tuple[Var, ...]:
         return cast("tuple[Var, ...]", self.data[3])
+
+    @property
+    def has_still_conditions(self) -> bool:
+        """Returns whether conditions that the user wrote do not move."""
+        return len(self.data) > 4
 
     @property
     def condition(self) -> Cond:
@@ -67,6 +75,9 @@ class Gaps(Ranged, Expr):
     Children: first, last, whether a candidate covers the place of the variable, as 1 or 0, the same where it ties (there the border of a
     candidate runs along the line of the variable), whether the place matters, and the term, in which the parameters `left` and `right` are
     the ends of a gap. Where no place matters the term is 0 on every gap, or all is covered.
+
+    In a derivative the term may depend on how fast ends move, which the parameters `VELOCITIES` stand for. Then there are more children:
+    the velocities of first and last, and for each border of a candidate a `Where`: a condition that the border belongs to, and its velocity.
     """
 
     __slots__ = ()
@@ -100,6 +111,21 @@ class Gaps(Ranged, Expr):
         return cast(Expr, self.children[5])
 
     @property
+    def is_moving(self) -> bool:
+        """Returns whether the term may depend on the velocities of ends."""
+        return len(self.children) > 6
+
+    @property
+    def outer_velocities(self) -> tuple[Expr, ...]:
+        """Returns the velocities of `first` and `last`, if the term depends on those of ends."""
+        return cast("tuple[Expr, ...]", self.children[6:8])
+
+    @property
+    def velocities(self) -> tuple[Where, ...]:
+        """Returns a condition for each border of a candidate, and where it holds the velocity of the border along the line."""
+        return cast("tuple[Where, ...]", self.children[8:])
+
+    @property
     def shared(self) -> tuple[object, ...]:
         """Returns what sums over the same gaps have in common."""
-        return (*self.data, *self.children[:4])
+        return (*self.data, *self.children[:4], *self.children[6:])

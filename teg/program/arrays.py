@@ -151,8 +151,11 @@ class Gaps(Loop):
 
     A tie on a piece shorter than TOUCH·(last - first), where borders only touch, is as the piece before it that is none, or else the piece
     behind it. Pieces and gaps (p, q) thinner than PIECE_EPS·max(|p|, |q|) are left out. Every result is NaN if first, last, a place, or
-    whether a piece is covered is; 0 if first >= last, where no iteration is run. Iterations behind one that
-    covers all of the line need not be.
+    whether a piece is covered is; 0 if first >= last, where no iteration is run. Iterations behind one that covers all of the line need
+    not be.
+
+    In a derivative ends move: `velocities` are those of the n places, `outer` those of first and last, and `moving` are the names of the
+    velocities of left and right, which are those of what the ends are. All three are empty in other programs.
     """
 
     values: Annotated[tuple[Arg, ...], Operand(at="body")]
@@ -163,6 +166,9 @@ class Gaps(Loop):
     inside: Annotated[tuple[Step, ...], Block()] = ()
     terms: Annotated[tuple[Arg, ...], Operand(at="inside", each=True)] = ()
     doubtful: Annotated[tuple[str, ...], Result()] = ()
+    velocities: Annotated[tuple[Arg, ...], Operand(at="body")] = ()
+    outer: Annotated[tuple[Arg, ...], NUMBER] = ()
+    moving: Annotated[tuple[str, ...], Variable(("inside",))] = ()
 
     @property
     def places(self) -> int:

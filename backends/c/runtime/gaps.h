@@ -1,16 +1,18 @@
 //: teg_gaps
 /* The gaps between first and last that candidates leave. `ends` are first the intervals that are covered, then the gaps but for the last one,
-   (p, q) each; `lost` where one is not known, or there was no memory; `closed` once a candidate covers all of the line. */
+   each with `width` numbers: p, q, and if ends move their velocities; `lost` where one is not known, or there was no memory; `closed` once
+   a candidate covers all of the line. `outer` is the velocity of first. */
 typedef struct {
     double first, last, *ends;
     int64_t size, room;
-    int lost, full, doubtful, closed;
+    int lost, full, doubtful, closed, width;
+    double outer;
 } teg_gaps;
 
 //: teg_add_covered
 /* Add what a candidate covers: n places, whether the n + 1 pieces between them are covered, what counts where these are ties, and whether it is
-   not known well where borders cross. */
-static void teg_add_covered(teg_gaps *g, int n, const double *values)
+   not known well where borders cross; and the velocities of the places, if ends move. */
+static void teg_add_covered(teg_gaps *g, int n, const double *values, const double *velocities)
 {
     const double *const flags = values + n, *const ties = flags + n + 1, touch = TEG_TOUCHING * (g->last - g->first);
     double before = -1.0;
@@ -31,15 +33,17 @@ static void teg_add_covered(teg_gaps *g, int n, const double *values)
             continue;
         if (g->size == g->room) {
             const int64_t room = 2 * g->room + 16;
-            double *const ends = realloc(g->ends, (size_t)room * 2 * sizeof *ends);
+            double *const ends = realloc(g->ends, (size_t)(room * g->width) * sizeof *ends);
             if (!ends) {
                 g->lost = g->full = 1;
                 return;
             }
             g->ends = ends, g->room = room;
         }
-        g->ends[2 * g->size] = p, g->ends[2 * g->size + 1] = q;
-        g->size++;
+        double *const piece = g->ends + g->width * g->size++;
+        piece[0] = p, piece[1] = q;
+        if (g->width > 2) /* those of first and last are not asked for: nothing is seen on the other side */
+            piece[2] = i ? velocities[i - 1] : 0.0, piece[3] = i < n ? velocities[i] : 0.0;
     }
 }
 
@@ -55,17 +59,21 @@ static int teg_by_begin(const void *a, const void *b)
 static int64_t teg_find_gaps(teg_gaps *g)
 {
     int64_t found = 0;
-    double end = g->first;
+    double end = g->first, velocity = g->outer;
     if (g->size > 1)
-        qsort(g->ends, (size_t)g->size, 2 * sizeof *g->ends, teg_by_begin);
+        qsort(g->ends, (size_t)g->size, (size_t)g->width * sizeof *g->ends, teg_by_begin);
     for (int64_t k = 0; k < g->size && !g->lost; k++) {
-        const double p = g->ends[2 * k], q = g->ends[2 * k + 1];
+        const double *const piece = g->ends + g->width * k, p = piece[0], q = piece[1];
+        const double begins = g->width > 2 ? piece[2] : 0.0, ends = g->width > 2 ? piece[3] : 0.0;
         if (teg_is_piece(end, p)) {
-            g->ends[2 * found] = end, g->ends[2 * found + 1] = p;
-            found++;
+            double *const gap = g->ends + g->width * found++;
+            gap[0] = end, gap[1] = p;
+            if (g->width > 2)
+                gap[2] = velocity, gap[3] = begins;
         }
-        end = fmax(end, q);
+        if (q > end)
+            end = q, velocity = ends;
     }
-    g->first = end;
+    g->first = end, g->outer = velocity;
     return found;
 }

@@ -1,6 +1,7 @@
 """Sums over the gaps that candidates leave on a line: where an edge runs, with what covers its places.
 
     ∫ A(s)·m(s) ds      =  Σ over the gaps between covered intervals of ∫ A ds                                         `Gaps`
+    ∂/∂t of it          =  Σ over the gaps of ∂/∂t of ∫ₗʳ A ds, in which ends move:  ∂l/∂t = -∂g/∂t / ∂g/∂s,  g(l) = 0
 
 Places on an arc are told by the tangent of half the angle, in which conditions are polynomials. Cost: a visit a node.
 """
@@ -8,16 +9,17 @@ Places on an arc are told by the tangent of half the angle, in which conditions 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple, cast
 
+from teg.analysis.calculus import slope
 from teg.analysis.half_angle import in_half_angle
 from teg.analysis.isolation import isolate
 from teg.analysis.polynomial import Shadow
 from teg.analysis.roots import solve
 from teg.analysis.surfaces import atoms_of, ordered
 from teg.analysis.tails import is_unbounded
-from teg.ir.cells import Symbols
+from teg.ir.cells import Symbols, replaced
 from teg.ir.expr import MINUS_ONE, ONE, TRUE, ZERO, And, Compare, Cond, Const, Expr, Mul, Param, Var, Where, const
 from teg.ir.index import APART, Index, IndexVar
 from teg.ir.integral import Integral, integral_over
@@ -26,7 +28,7 @@ from teg.ir.operands import less
 from teg.ir.show import show
 from teg.ir.simplify import add, bracket, call, conjunction, integer_power, mul, nonzero_part, positive, sub, where
 from teg.ir.traverse import fresh, rewrite, substitute
-from teg.ir.uncovered import Gaps
+from teg.ir.uncovered import VELOCITIES, Gaps
 from teg.passes.normalise.partitions import Refused
 
 SHOWN = 60
@@ -34,6 +36,8 @@ MOST_PLACES = 8
 """The largest number of places where the border of one candidate may cross an edge of another one."""
 QUICK = 2
 """The largest degree of polynomials of which it is looked at whether an edge is seen at all."""
+Rate = Callable[[Expr, Mapping[Param | Var, Expr]], Expr]
+"""The derivative of a cell along a direction, in which more parameters change."""
 LEFT, RIGHT = Param.make(f"{APART}left", ()), Param.make(f"{APART}right", ())
 
 
@@ -81,6 +85,22 @@ def over_gaps(node: Integral, around: Around, weight: Expr) -> Expr:
     over = *around.over, s, LEFT, RIGHT
     term = integral_over(weight, s, LEFT, RIGHT)
     return mul(sign, *signs, cast(Expr, Gaps.make(over, (first, last, covered, tie, where_it_matters, term))))
+
+
+def moved(node: Gaps, rate: Rate) -> Expr:
+    """Returns the derivative of a sum over gaps along a direction. Raises Refused for the derivative of one that has been taken so."""
+    if node.is_moving:
+        raise Refused("it is differentiated more than twice")
+    term = rate(node.term, dict(zip(node.ends, VELOCITIES, strict=True)))
+    borders = {atom.g: atom for atom in atoms_of(node.covered, node.variable)}
+    velocities = {g: mul(MINUS_ONE, rate(g, {}), integer_power(slope(g, node.variable), -1)) for g in borders}
+    outer = [rate(end, {}) for end in cast("tuple[Expr, ...]", node.children[:2])]
+    if all(v is ZERO for v in (*outer, *velocities.values())):
+        (term,), outer, velocities = replaced([term], dict.fromkeys(VELOCITIES, ZERO)), [], {}
+    if term is ZERO:
+        return ZERO
+    by_border = (where(borders[g], v, const(math.nan)) for g, v in velocities.items())
+    return cast(Expr, Gaps.make(node.data, (*node.children[:5], term, *outer, *by_border)))
 
 
 def _check_roots(functions: Sequence[Expr], s: Var) -> None:

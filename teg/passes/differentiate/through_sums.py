@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from heapq import heapify, heappop, heappush
 from typing import Any, cast
 
+from teg.analysis.calculus import slope
 from teg.errors import NotDifferentiableError, ParameterError
 from teg.ir import expr as ex
 from teg.ir import operands, simplify
@@ -23,14 +24,17 @@ from teg.ir.cells import Symbols, cellwise, rename_indices, replace_integers, re
 from teg.ir.choices import Product, Winner
 from teg.ir.expr import MINUS_ONE, ONE, ZERO, Expr, Param, Var
 from teg.ir.index import APART, ArrayName, IndexVar, index_leaves
+from teg.ir.integral import Integral
 from teg.ir.node import Node, postorder
 from teg.ir.partition import Partition, Pullback, SeenSum
 from teg.ir.show import show
 from teg.ir.simplify import add, mul, positive, sub, where
 from teg.ir.tables import Collected, RowSum, Table, TableEntry, TableUnit
-from teg.ir.uncovered import Uncovered
+from teg.ir.uncovered import Gaps, Uncovered
 from teg.passes.differentiate.edges import edges_of, inside_of, with_gaps
+from teg.passes.differentiate.gaps import moved as moved_gaps
 from teg.passes.normalise.choices import without_choices
+from teg.passes.normalise.partitions import Refused
 from teg.passes.normalise.self_comparison import without_self_comparisons
 from teg.passes.normalise.sums import sums_outside
 
@@ -218,8 +222,8 @@ def tangent(e: Expr, direction: Mapping[Any, object], along: Along, boundaries: 
     moved = {p: _direction_of(p, d) for p, d in direction.items() if isinstance(p, Array)}
     new: dict[Node, Expr] = {}  # of sums, products, partitions and slopes
 
-    def moves(cell: Expr) -> Expr:
-        return _tangent_of_cell(cell, changes, moved, new, along)
+    def moves(cell: Expr, more: Mapping[Param | Var, Expr] = {}) -> Expr:
+        return _tangent_of_cell(cell, {**changes, **more}, moved, new, along)
 
     for node in postorder([e]):
         match node:
@@ -239,9 +243,41 @@ def tangent(e: Expr, direction: Mapping[Any, object], along: Along, boundaries: 
                 new[node] = TableEntry.make(node.data, (moved_table,)) if moved_table.numbers[node.column] is not ZERO else ZERO
             case Collected():
                 raise not_again(node)
+            case Uncovered():
+                edges = [sum_over(moves(edge), node.index, node.lo, node.hi) for edge in edges_of(node, node.body)]
+                new[node] = add(moves(inside_of(node)), mul(MINUS_ONE, add(*edges)))
+            case Gaps():
+                new[node] = moved_gaps(node, moves)
             case _:
                 pass
     return moves(e)
+
+
+def along_edges(derive: Derive) -> Along:
+    """Returns what differentiates a cell along a direction without δ, with sums over gaps for what may be covered. It raises Refused.
+
+    Where a term does not count, because it compares a candidate with itself, its derivative does not either, even if it is no number.
+    """
+
+    def rate(cell: Expr, changes: Mapping[Param | Var, Expr]) -> Expr:
+        moving = [p for p in changes if isinstance(p, Param)]
+        if not cell.free:
+            slopes = derive(cell, moving)
+        elif any(isinstance(n, Integral) for n in postorder([cell])):
+            raise Refused("the border of a candidate depends on an integral")
+        else:
+            slopes = [slope(cell, p) for p in moving]
+        return with_gaps(add(*(mul(s, changes[p]) for p, s in zip(moving, slopes, strict=True))), derive)
+
+    def along(cell: Expr, changes: Mapping[Param | Var, Expr]) -> Expr:
+        parts: dict[ex.Cond, list[Expr]] = {}
+        for term in cell.children if isinstance(cell, ex.Add) else (cell,):
+            condition, rest = simplify.nonzero_part(term)
+            whole = bool(condition.free)
+            parts.setdefault(ex.TRUE if whole else condition, []).append(term if whole else rest)
+        return add(*(where(condition, rate(add(*terms), changes), ZERO) for condition, terms in parts.items()))
+
+    return along
 
 
 def flows_of(node: Ranged) -> Iterator[tuple[Expr, Expr]]:

@@ -1,7 +1,7 @@
 """The flat program of one candidate of `Gaps`: where it begins and ends to cover a line, and which pieces it covers.
 
     outputs   p₀, …, pₙ₋₁ ascending, +inf for places that are not there; whether each piece is covered; the same where it ties;
-              whether borders nearly touch, so that rounding moves the places where they cross
+              whether borders nearly touch, so that rounding moves the places where they cross; how fast each place moves, if that counts
 
 A piece is decided at one place inside of it. A condition ties there where it is 0 to rounding: it counts once as true, once as false, and
 the mean is ½. Cost: n roots, and n + 1 times the condition.
@@ -10,7 +10,7 @@ the mean is ½. Cost: n roots, and n + 1 times the condition.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import NamedTuple, cast
 
@@ -19,7 +19,7 @@ from teg.analysis.isolation import Isolation, isolate
 from teg.analysis.roots import solve
 from teg.analysis.settings import Integration
 from teg.analysis.surfaces import atoms_of
-from teg.ir.expr import ONE, And, Compare, Cond, Expr, Or, Param, Var
+from teg.ir.expr import ONE, And, Compare, Cond, Expr, Or, Param, Var, Where
 from teg.ir.node import Node
 from teg.ir.simplify import bracket, disjunction, negation, nonzero_part, positive
 from teg.ir.traverse import rewrite
@@ -36,11 +36,20 @@ LEAST_TOUCH = 1e-11
 of a mesh, rounding makes pieces that are shorter."""
 
 
-def schedule_places(covered: Expr, tie: Expr, place: Var, parameters: Sequence[str], how: Integration) -> Program:
-    """Returns the program of a candidate that covers a `place` where `covered` is 1. The last two parameters are the ends of the line."""
+class Candidate(NamedTuple):
+    """Whether a candidate covers a place of a line, as 1 or 0, the same where it ties, and the velocities of its borders, as in `Gaps`."""
+
+    covered: Expr
+    tie: Expr
+    velocities: Sequence[Expr] = ()
+
+
+def schedule_places(candidate: Candidate, place: Var, parameters: Sequence[str], how: Integration) -> Program:
+    """Returns the program of a candidate. The last two parameters are the ends of the line."""
+    covered, tie, _ = candidate
     line = _Line(place, parameters, how)
     out, top = line.out, line.top
-    pieces = line.pieces(covered)
+    pieces = line.pieces(covered, _by_border(candidate, place))
     is_known = [out.assign(top, "ok", p) for p in pieces.found]
     functions = list(dict.fromkeys(atom.g for atom in atoms_of(covered, place)))
     flags: list[Arg] = []
@@ -63,7 +72,13 @@ def schedule_places(covered: Expr, tie: Expr, place: Var, parameters: Sequence[s
     doubt: Arg = 0.0
     if doubts:
         doubt = out.assign(top, "select", out.assign(top, "or", *doubts) if len(doubts) > 1 else doubts[0], 1.0, 0.0)
-    return line.program((*pieces.places, *flags, *ties, doubt))
+    return line.program((*pieces.places, *flags, *ties, doubt, *pieces.velocities))
+
+
+def _by_border(candidate: Candidate, place: Var) -> dict[Expr, Expr]:
+    """Returns the velocity along the line of the border where a function is 0, for each function; nothing if nothing moves."""
+    known = [cast(Where, w) for w in candidate.velocities]
+    return {atom.g: w.then for w in known for atom in atoms_of(w.condition, place)}
 
 
 def schedule_matters(matters: Expr, place: Var, parameters: Sequence[str], how: Integration) -> Program:
@@ -84,12 +99,13 @@ def schedule_matters(matters: Expr, place: Var, parameters: Sequence[str], how: 
 
 
 class _Pieces(NamedTuple):
-    """Places where a condition may change: as they are found, and ascending, +inf for those that are not there; and the pieces between
-    them, each with its ends and a level where the variable is a place inside of it."""
+    """Places where a condition may change: as they are found, and ascending, +inf for those that are not there; the pieces between
+    them, each with its ends and a level where the variable is a place inside of it; and the velocities of the places, if they are known."""
 
     found: list[Arg]
     places: list[Arg]
     levels: list[tuple[Arg, Arg, Level]]
+    velocities: list[Arg]
 
 
 class _Line:
@@ -106,25 +122,33 @@ class _Line:
         self.ends = Param.make(parameters[-2], ()), Param.make(parameters[-1], ())
         self.first, self.last = (self.out.number(end, self.top) for end in self.ends)
 
-    def pieces(self, truth: Expr) -> _Pieces:
-        """Returns the places where a condition, as 1 or 0, may change."""
+    def pieces(self, truth: Expr, velocities: Mapping[Expr, Expr] = {}) -> _Pieces:
+        """Returns the places where a condition, as 1 or 0, may change, given the velocities of the places where functions are 0."""
         out, top, place = self.out, self.top, self.place
         surfaces: dict[Expr, list[Compare]] = {}
         for atom in atoms_of(truth, place):
             surfaces.setdefault(atom.g, []).append(atom)
         found: list[Arg] = []
+        moving: list[Arg] = []
         for g, atoms in surfaces.items():
             when = _applies(truth, atoms, out, top)
             by_formulas = _roots_of(g, place, self.ends, self.roots, top)
             if when is not None:
                 by_formulas = [out.assign(top, "select", when, p, math.inf) for p in by_formulas]
-            found += by_formulas or self.roots.isolated(_isolation(g, place, self.roots), *self.ends, top, when)
-        places = _ascending(out, top, [_inside(out, top, p, self.first, self.last) for p in found])
+            here = by_formulas or self.roots.isolated(_isolation(g, place, self.roots), *self.ends, top, when)
+            found += here
+            if velocities:
+                moving += [out.number(velocities[g], Level(place, top, 1, names={place: p}, block=top.block)) for p in here]
+        places = [_inside(out, top, p, self.first, self.last) for p in found]
+        if moving:
+            places, moving = _ascending_with(out, top, places, moving)
+        else:
+            places = _ascending(out, top, places)
         levels: list[tuple[Arg, Arg, Level]] = []
         for p, q in pairwise([self.first, *(out.assign(top, "min", p, self.last) for p in places), self.last]):
             inside = out.assign(top, "add", p, out.assign(top, "mul", INSIDE, out.assign(top, "sub", q, p)))
             levels.append((p, q, Level(place, top, 1, names={place: inside}, block=top.block)))
-        return _Pieces(found, places, levels)
+        return _Pieces(found, places, levels, moving)
 
     def somewhere(self, condition: Cond) -> Arg:
         """Returns 1 if a condition holds on one of the pieces or ties there, else 0."""
@@ -198,3 +222,15 @@ def _ascending(out: Emitter, top: Level, places: list[Arg]) -> list[Arg]:
             low, high = (out.assign(top, op, places[i], places[i + 1]) for op in ("min", "max"))
             places[i], places[i + 1] = low, high
     return places
+
+
+def _ascending_with(out: Emitter, top: Level, places: list[Arg], others: list[Arg]) -> tuple[list[Arg], list[Arg]]:
+    """Returns numbers in ascending order, and others, which belong to them, in the same order."""
+    places, others = list(places), list(others)
+    for end in range(len(places) - 1, 0, -1):
+        for i in range(end):
+            (p, q), (u, v) = places[i : i + 2], others[i : i + 2]
+            swapped = out.assign(top, "gt0", out.assign(top, "sub", p, q))
+            places[i : i + 2] = out.assign(top, "min", p, q), out.assign(top, "max", p, q)
+            others[i : i + 2] = out.assign(top, "select", swapped, v, u), out.assign(top, "select", swapped, u, v)
+    return places, others

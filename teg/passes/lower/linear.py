@@ -14,9 +14,9 @@ from typing import cast
 from teg.errors import DeltaError
 from teg.ir import simplify
 from teg.ir.arrays import Ranged, Sum, Unit
-from teg.ir.expr import ONE, ZERO, Add, Expr, Mul, Where
+from teg.ir.expr import ONE, ZERO, Add, Cond, Expr, Mul, Where
 from teg.ir.node import Node, postorder
-from teg.ir.simplify import add, mul, where
+from teg.ir.simplify import add, mul, nonzero_part, where
 from teg.ir.tables import Collected, TableUnit
 
 Part = tuple[int | Expr, Expr, Expr]
@@ -60,7 +60,19 @@ def _sums_before(e: Expr, stage: Mapping[Node, int]) -> list[Expr]:
 
 
 def taken_apart(e: Expr, weight: Expr) -> list[tuple[Unit | TableUnit | Sum, Expr]]:
-    """Returns weight·e as weights of units and sums; e is linear in units and in sums that contain units."""
+    """Returns weight·e as weights of units and sums; e is linear in units and in sums that contain units.
+
+    Where a term of e does not count, its weights do not either, even if they are no numbers.
+    """
+    terms: dict[Cond, list[Expr]] = {}
+    for term in e.children if isinstance(e, Add) else (e,):
+        condition, rest = nonzero_part(term)
+        terms.setdefault(condition, []).append(rest)
+    found = ((condition, _weights_in(add(*several), weight)) for condition, several in terms.items())
+    return [(leaf, where(condition, w, ZERO)) for condition, weights in found for leaf, w in weights]
+
+
+def _weights_in(e: Expr, weight: Expr) -> list[tuple[Unit | TableUnit | Sum, Expr]]:
     parts: dict[Node, list[Expr]] = {e: [weight]}
     found: list[tuple[Unit | TableUnit | Sum, Expr]] = []
     order = postorder([e])

@@ -319,16 +319,21 @@ class _ArrayScheduler:
         for group in shared.values():
             node = group[0]
             first, last = self._ends(group, level)
+            outer = tuple(self._cell(level, node.outer_velocities))
             inner, gap = _Level(level.depth + 1, node.index, level), _Level(level.depth + 1, None, level)
             index, (left, right) = self._fresh("i", inner), (self._fresh("v", gap) for _ in node.ends)
+            moving = tuple(self._fresh("v", gap) for _ in outer)
             inner.names.update({node.index: index, FIRST_LAST[0]: first, FIRST_LAST[1]: last})
-            gap.names.update(zip(node.ends, (left, right), strict=True))
+            gap.names.update(zip((*node.ends, *uncovered.VELOCITIES), (left, right, *moving), strict=False))
             bounds = self._integer(node.lo, level), self._integer(node.hi, level)
-            values = tuple(self._flat(inner, [node.covered, node.tie], line=node.variable))
+            values = tuple(self._flat(inner, [node.covered, node.tie, *node.velocities], line=node.variable))
+            velocities = values[len(values) - (len(values) - 3) // 4 :] if node.is_moving else ()
             terms = tuple(self._level(gap, [n.term for n in group], ()))
             results = tuple(self._fresh("v", level) for _ in group)
-            loop = Gaps(index, *bounds, tuple(inner.steps), values, results, node.index.name.split(APART)[0])
-            level.steps.append(replace(loop, first=first, last=last, left=left, right=right, inside=tuple(gap.steps), terms=terms))
+            known = values[: len(values) - len(velocities)]
+            loop = Gaps(index, *bounds, tuple(inner.steps), known, results, node.index.name.split(APART)[0])
+            line = replace(loop, first=first, last=last, left=left, right=right, velocities=velocities, outer=outer, moving=moving)
+            level.steps.append(replace(line, inside=tuple(gap.steps), terms=terms))
             level.names.update(zip(group, results, strict=True))
 
     def _ends(self, group: Sequence[uncovered.Gaps], level: _Level) -> tuple[Arg, Arg]:

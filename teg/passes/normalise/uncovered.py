@@ -17,7 +17,7 @@ from teg.analysis.calculus import slope
 from teg.analysis.polynomial import Shadow
 from teg.analysis.tails import is_unbounded
 from teg.ir.arrays import Sum, sum_over
-from teg.ir.cells import Symbols, indices_apart, replace_integers
+from teg.ir.cells import Symbols, indices_apart, replace_integers, replaced
 from teg.ir.choices import CHOICES, NOTHING, AnyOf, is_nothing
 from teg.ir.expr import MINUS_ONE, ONE, TRUE, ZERO, Add, Compare, Cond, Expr, Var, const
 from teg.ir.index import APART, Index, IndexVar
@@ -25,7 +25,7 @@ from teg.ir.integral import Integral, integral_over
 from teg.ir.node import Node, postorder
 from teg.ir.operands import as_number, less
 from teg.ir.simplify import add, call, conjunction, disjunction, integer_power, mul, negation, positive, sub, where
-from teg.ir.still import with_still_parameters
+from teg.ir.still import has_still, with_still_parameters
 from teg.ir.traverse import rewrite, substitute
 from teg.ir.uncovered import Uncovered
 from teg.passes.normalise.partitions import NOTHING as NO_FORM
@@ -55,7 +55,14 @@ def over_uncovered(node: Integral) -> Expr:
         body = body.body
     if len(bounds) > 2:
         raise Refused("it is over more than two variables")
-    return add(*(_term(e, bounds) for e in (body.children if isinstance(body, Add) else (body,))))
+    whole = add(*(_term(e, bounds) for e in (body.children if isinstance(body, Add) else (body,))))
+    return _with_mark(whole) if has_still(node) else whole
+
+
+def _with_mark(e: Expr) -> Expr:
+    """Returns the expression in which integrals over what is not covered say that conditions of the user's do not move."""
+    found = [n for n in postorder([e]) if isinstance(n, Uncovered)]
+    return replaced([e], {n: cast(Expr, Uncovered.make((*n.data, True), n.children)) for n in found})[0]
 
 
 def _has_choice(e: Expr) -> bool:

@@ -177,7 +177,8 @@ class ArrayMachine:
 
     def _gaps(self, step: Gaps) -> None:
         first, last = self.number(step.first), self.number(step.last)
-        covered: list[tuple[float, float]] = []
+        covered: list[tuple[float, float, float, float]] = []
+        outer = tuple(self.number(v) for v in step.outer) or (0.0, 0.0)
         is_known, doubtful = first == first and last == last, 0
         n = step.places
         for _ in self._iterations(step) if first < last else ():
@@ -185,14 +186,16 @@ class ArrayMachine:
             places, flags, ties = values[:n], values[n : 2 * n + 1], values[2 * n + 1 : -1]
             doubtful += values[-1] > 0.0
             ends = [first, *(min(p, last) for p in places), last]
+            moving = [outer[0], *(self.number(v) for v in step.velocities or [0.0] * n), outer[1]]
             flags = _settled(ends, flags, ties)
             is_known &= not any(math.isnan(v) for v in (*places, *flags))
-            covered += [(p, q) for p, q, flag in zip(ends, ends[1:], flags, strict=False) if flag > TIE_TO and _is_piece(p, q)]
+            pieces = zip(ends, ends[1:], moving, moving[1:], flags, strict=False)
+            covered += [(p, q, u, v) for p, q, u, v, flag in pieces if flag > TIE_TO and _is_piece(p, q)]
         self.missed |= doubtful > 0
         self.values.update(dict.fromkeys(step.doubtful, float(doubtful)))
         sums = [0.0 if is_known else math.nan] * len(step.results)
-        for p, q in _between(first, sorted(covered), last) if is_known else ():
-            self.values.update({step.left: p, step.right: q})
+        for p, q, *moving in _between((first, outer[0]), sorted(covered), (last, outer[1])) if is_known else ():
+            self.values.update(zip((step.left, step.right, *step.moving), (p, q, *moving), strict=False))
             self.run(step.inside)
             sums = [s + self.number(v) for s, v in zip(sums, step.terms, strict=True)]
         self.values.update(zip(step.results, sums, strict=True))
@@ -220,6 +223,9 @@ class ArrayMachine:
         self.values.update(zip(step.results, sums, strict=True))
 
 
+_End = tuple[float, float]
+
+
 def _settled(ends: Sequence[float], flags: Sequence[float], ties: Sequence[float]) -> list[float]:
     """Returns whether pieces are covered, with ties decided."""
     found: list[float | None] = []
@@ -238,10 +244,10 @@ def _is_piece(p: float, q: float) -> bool:
     return q - p > PIECE_EPS * max(abs(p), abs(q))
 
 
-def _between(first: float, covered: Sequence[tuple[float, float]], last: float) -> Iterator[tuple[float, float]]:
-    """Yields the gaps that intervals in ascending order leave."""
+def _between(first: _End, covered: Sequence[tuple[float, ...]], last: _End) -> Iterator[tuple[float, ...]]:
+    """Yields the gaps that intervals in ascending order leave, with the velocities of their ends. An end is a place and its velocity."""
     end = first
-    for p, q in (*covered, (last, last)):
-        if _is_piece(end, p):
-            yield end, p
-        end = max(end, q)
+    for p, q, u, v in (*covered, (last[0], last[0], last[1], last[1])):
+        if _is_piece(end[0], p):
+            yield end[0], p, end[1], u
+        end = max(end, (q, v), key=lambda e: e[0])
