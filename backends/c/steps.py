@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 from teg.backends.c.cells import NO_MEMORY, CellPrinter
 from teg.backends.c.chunks import Target
+from teg.backends.c.delayed import delayed, readers_of
 from teg.backends.c.frame import Routine
 from teg.backends.c.printer import Printer
 from teg.backends.c.text import indent, literal, packed, spelled
@@ -69,6 +70,7 @@ class StepPrinter(CellPrinter):
         self.copied: frozenset[int | str] = frozenset()  # the outputs and tables of which the chunk that is printed has a copy
         self.idle: set[int] = set()  # the flat programs that only points in queues needed, which compute them again
         self.by_moments: list[tuple[Step, ...]] = []  # iterations of loops over candidates without edges, and their flat programs
+        self.readers = readers_of(program)
         self.telling: set[int] = set()  # the flat programs that return whether their branch is taken
 
     @abstractmethod
@@ -82,6 +84,8 @@ class StepPrinter(CellPrinter):
     def _block(self, block: Sequence[Step], depth: int, decisive: Run | None = None) -> list[str]:
         """Returns the lines of a block, in which a decisive flat program may end the iteration. Recursion is as deep as loops are."""
         lines: list[str] = []
+        waiting = delayed(block, self.readers)
+        late = {id(run) for runs in waiting.values() for run in runs}
         for step in block:
             match step:
                 case Integers():
@@ -100,7 +104,7 @@ class StepPrinter(CellPrinter):
                     lines += self._new_table(step.table, spelled(step.rows), step.columns)
                 case Rows():
                     lines += self._rows(step, depth)
-                case Run() if id(step) in self.idle:
+                case Run() if id(step) in self.idle or id(step) in late:
                     pass
                 case Run():
                     lines += [*self._run(step), *named(step)]
@@ -109,7 +113,7 @@ class StepPrinter(CellPrinter):
                 case Least() | Factors():
                     lines += self._fold(step, depth)
                 case Gaps():
-                    lines += self._gaps(step, depth)
+                    lines += self._gaps(step, depth, waiting[id(step)])
                 case Cells():
                     lines += self._cells(step, depth)
                 case Combined():
@@ -194,8 +198,8 @@ class StepPrinter(CellPrinter):
         lo, hi = spelled(step.lo), spelled(step.hi)
         return [*start, f"for (int64_t {step.index} = {lo}; {step.index} < {hi}; {step.index}++) {{", *indent(*inside), "}"]
 
-    def _gaps(self, step: Gaps, depth: int) -> list[str]:
-        """Returns a sum over the gaps that candidates leave."""
+    def _gaps(self, step: Gaps, depth: int, before: Sequence[Run]) -> list[str]:
+        """Returns a sum over the gaps that candidates leave, in front of which flat programs are run if there is a line."""
         at, count = f"{step.results[0]}_gaps", f"{step.results[0]}_count"
         first, last = (spelled(end) if isinstance(end, str) else literal(float(end)) for end in (step.first, step.last))
         given, velocities = (
@@ -222,16 +226,22 @@ class StepPrinter(CellPrinter):
             *packed(f"{r} += {spelled(v)};" for r, v in zip(step.results, step.terms, strict=True)),
         ]
         lost = f"isnan({first}) || isnan({last})"
-        return [
-            f"teg_gaps {at} = {{{first}, {last}, NULL, 0, 0, {lost}, 0, 0, 0, {width}, {outer[0] if outer else '0.0'}}};",
-            f"const int64_t {count}_end = {first} < {last} ? {spelled(step.hi)} : {lo};",
-            f"for (int64_t {step.index} = {lo}; {step.index} < {count}_end && !{at}.closed; {step.index}++) {{",
+        on_line = [
+            *(line for run in before for line in (*self._run(run), *named(run))),
+            f"for (int64_t {step.index} = {lo}; {step.index} < {spelled(step.hi)} && !{at}.closed; {step.index}++) {{",
             *indent(*candidate),
             "}",
             f"const int64_t {count} = teg_find_gaps(&{at});",
-            *packed([f"{r} = {at}.lost ? NAN : 0.0" for r in step.results], "double ", ", ", ";"),
+            *packed([f"{r} = {at}.lost ? NAN : 0.0" for r in step.results], "", ", ", ";"),
             f"for (int64_t k = 0; k <= {count} && !{at}.lost; k++) {{",
             *indent(*gap),
+            "}",
+        ]
+        return [
+            f"teg_gaps {at} = {{{first}, {last}, NULL, 0, 0, {lost}, 0, 0, 0, {width}, {outer[0] if outer else '0.0'}}};",
+            *packed([f"{r} = {at}.lost ? NAN : 0.0" for r in step.results], "double ", ", ", ";"),
+            f"if ({first} < {last}) {{",
+            *indent(*on_line),
             "}",
             f"if ({at}.full) note |= {NO_MEMORY};",
             f"if ({at}.doubtful) ctx.missed = 1;",

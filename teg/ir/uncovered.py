@@ -126,6 +126,6 @@ class Gaps(Ranged, Expr):
         return cast("tuple[Where, ...]", self.children[8:])
 
     @property
-    def shared(self) -> tuple[object, ...]:
-        """Returns what sums over the same gaps have in common."""
-        return (*self.data, *self.children[:4], *self.children[6:])
+    def line(self) -> tuple[object, ...]:
+        """Returns what sums over the same gaps have in common, whether these move or not."""
+        return (*self.data, *self.children[:4])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -38,6 +39,25 @@ def program(places: int) -> ArrayProgram:
     loop = Loop("i0", 0, "i5", (*ends, *lists, gaps), ("v1", "v2"), ("v90", "v91"), "k")
     arrays = ArraySpec("candidates", 2, False), ArraySpec("lines", 2, False), ArraySpec("first", 1, True)
     return ArrayProgram((), arrays, (lines, loop), ("v90", "v91"))
+
+
+def moving_program(places: int) -> ArrayProgram:
+    """The same, and how fast what is left becomes longer; behind the numbers of a candidate are the velocities of its places, and behind
+    the ends of a line those of these."""
+    plain = program(places)
+    lines, loop = plain.body
+    assert isinstance(loop, Loop)
+    *before, gaps = loop.body
+    assert isinstance(gaps, Gaps)
+    wide = 3 * places + 3
+    velocities = tuple(f"v{10 + wide + j}" for j in range(places))
+    loads = tuple(Load(name, 0, ("i1", wide + j)) for j, name in enumerate(velocities))
+    inside = *gaps.inside, Run(LENGTH, ("v60", "v61"), ("v62",))
+    moved = replace(gaps, body=(*gaps.body, *loads), inside=inside, results=("v1", "v2", "v3"), terms=(*gaps.terms, "v62"))
+    whole = replace(moved, velocities=velocities, outer=("v63", "v64"), moving=("v60", "v61"))
+    outer = Load("v63", 1, ("i0", 2)), Load("v64", 1, ("i0", 3))
+    around = replace(loop, body=(*before, *outer, whole), values=("v1", "v2", "v3"), results=("v90", "v91", "v92"))
+    return replace(plain, body=(lines, around), outputs=("v90", "v91", "v92"))
 
 
 def in_jax(p: ArrayProgram, arrays: list[np.ndarray]) -> tuple[list[float], bool]:
@@ -104,14 +124,38 @@ def test_what_is_left_over(x64_for_jax: Any, backend: str, places: int) -> None:
         assert not missed
 
 
+@pytest.mark.parametrize("backend", RUNS)
+@pytest.mark.parametrize("places", [0, 1, 3])
+def test_ends_that_move(x64_for_jax: Any, backend: str, places: int) -> None:
+    """The velocity of a length is a difference of lengths, since ends move along straight lines."""
+    for seed in range(1 if backend == "jax" else 5):
+        rng = np.random.default_rng(seed)
+        candidates, lines, first = some(7, places, seed)
+        u, v = rng.normal(size=(len(candidates), places)), rng.normal(size=lines.shape)
+        arrays = [np.c_[candidates, u], np.c_[lines, v], first]
+        found, _ = RUNS[backend](moving_program(places), arrays)
+        assert found[:2] == pytest.approx(interpret_arrays(program(places), [], [candidates, lines, first]).outputs, abs=1e-14)
+        step = 1e-7
+        later = candidates.copy()
+        later[:, :places] += step * u
+        several = (
+            sum(left_over(p, q, rows[a:b], places)[0] for (p, q), (a, b) in zip(ends, pairwise(first), strict=True))
+            for rows, ends in ((later, lines + step * v), (candidates, lines))
+        )
+        after, before = several
+        assert found[2] == pytest.approx((after - before) / step, abs=1e-6)
+        assert interpret_arrays(moving_program(places), [], arrays).outputs == pytest.approx(found, abs=1e-14)
+
+
 @pytest.mark.parametrize("many", [1, 5])
 def test_intervals_that_are_there_are_brought_together_in_jax(x64_for_jax: Any, many: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """With few of them, and with more than there is room for."""
     monkeypatch.setattr("teg.backends.jax.gaps.SHORT", 0)
     monkeypatch.setattr("teg.backends.jax.gaps.MANY", many)
     arrays = some(7, 3, 5)
-    found, _ = in_jax(program(3), arrays)
-    assert found == pytest.approx(interpret_arrays(program(3), [], arrays).outputs, abs=1e-14)
+    arrays = [np.c_[arrays[0], np.arange(3 * len(arrays[0])).reshape(-1, 3)], np.c_[arrays[1], arrays[1]], arrays[2]]
+    found, _ = in_jax(moving_program(3), arrays)
+    assert found == pytest.approx(interpret_arrays(moving_program(3), [], arrays).outputs, abs=1e-13)
 
 
 WHOLE = [[0.0, 1.0]]

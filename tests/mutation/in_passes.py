@@ -337,6 +337,40 @@ IN_PASSES: tuple[Mutant, ...] = (
         ),
     ),
     *mutants(
+        "teg/passes/lower/gaps.py",
+        ("tests/passes/differentiate/test_moving_ends.py",),
+        ("velocities in the order of places", 'others[i : i + 2] = out.assign(top, "select", swapped, v, u)', "others[i : i + 2] = u"),
+    ),
+    *mutants(
+        "teg/passes/differentiate/gaps.py",
+        ("tests/passes/differentiate/test_moving_ends.py",),
+        ("ends that move", "mul(MINUS_ONE, rate(g, {})", "mul(ONE, rate(g, {})"),
+    ),
+    *mutants(
+        "teg/passes/differentiate/edges.py",
+        ("tests/passes/differentiate/test_moving_ends.py",),
+        (
+            "a side of a box beside edges",
+            "terms = [with_gaps(integral_over(rest, node.var, node.lo, node.hi), derive)]",
+            "terms = [integral_over(rest, node.var, node.lo, node.hi)]",
+        ),
+    ),
+    *mutants(
+        "teg/passes/lower/linear.py",
+        ("tests/passes/differentiate/test_layers.py",),
+        ("terms that do not count", "where(condition, w, ZERO)) for condition, weights", "w) for condition, weights"),
+    ),
+    *mutants(
+        "teg/passes/differentiate/through_sums.py",
+        ("tests/passes/differentiate/test_layers.py",),
+        ("a candidate beside itself", "where(condition, rate(add(*terms), changes), ZERO) for", "rate(add(*terms), changes) for"),
+    ),
+    *mutants(
+        "teg/evaluator/plan.py",
+        ("tests/passes/differentiate/test_moving_ends.py",),
+        ("what does not move in a first derivative", "tangent(released(slope), direction", "tangent(slope, direction"),
+    ),
+    *mutants(
         "teg/analysis/gates.py",
         ("tests/analysis/test_gates.py",),
         ("alternatives as gates", "(negation(c) for c in others)", "(c for c in others)"),

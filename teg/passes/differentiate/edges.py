@@ -335,7 +335,7 @@ def _covering(mark: Apply) -> Around:
 def _of_nest(node: Integral, inner: Sequence[Integral], derive: Derive) -> Expr:
     """Returns an integral over integrals of what may be covered."""
     (rest,) = replaced([node.body], dict.fromkeys(inner, ZERO))
-    terms = [integral_over(rest, node.var, node.lo, node.hi)]
+    terms = [with_gaps(integral_over(rest, node.var, node.lo, node.hi), derive)]  # a side of the box may stand in it
     for part in inner:
         marks = list(dict.fromkeys(marks_of(part.body)))
         (unmarked,) = replaced([part.body], dict.fromkeys(marks, ZERO))

@@ -20,6 +20,7 @@ from teg.analysis.roots import solve
 from teg.analysis.surfaces import atoms_of, ordered
 from teg.analysis.tails import is_unbounded
 from teg.ir.cells import Symbols, replaced
+from teg.ir.choices import NOTHING
 from teg.ir.expr import MINUS_ONE, ONE, TRUE, ZERO, And, Compare, Cond, Const, Expr, Mul, Param, Var, Where, const
 from teg.ir.index import APART, Index, IndexVar
 from teg.ir.integral import Integral, integral_over
@@ -99,7 +100,7 @@ def moved(node: Gaps, rate: Rate) -> Expr:
         (term,), outer, velocities = replaced([term], dict.fromkeys(VELOCITIES, ZERO)), [], {}
     if term is ZERO:
         return ZERO
-    by_border = (where(borders[g], v, const(math.nan)) for g, v in velocities.items())
+    by_border = (where(borders[g], v, NOTHING) for g, v in velocities.items())
     return cast(Expr, Gaps.make(node.data, (*node.children[:5], term, *outer, *by_border)))
 
 

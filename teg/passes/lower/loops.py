@@ -314,10 +314,11 @@ class _ArrayScheduler:
     def _gaps(self, nodes: Sequence[uncovered.Gaps], level: _Level) -> None:
         """Emits sums over gaps; those over the same gaps share them."""
         shared: dict[tuple[object, ...], list[uncovered.Gaps]] = {}
-        for node in nodes:
-            shared.setdefault(node.shared, []).append(node)
+        for node in sorted(nodes, key=lambda n: n.is_moving, reverse=True):  # there is one direction in which ends move
+            shared.setdefault(node.line, []).append(node)
         for group in shared.values():
             node = group[0]
+            assert all(n.children[6:] in ((), node.children[6:]) for n in group), "ends of the same gaps have the same velocities"
             first, last = self._ends(group, level)
             outer = tuple(self._cell(level, node.outer_velocities))
             inner, gap = _Level(level.depth + 1, node.index, level), _Level(level.depth + 1, None, level)

@@ -1,0 +1,131 @@
+"""Second derivatives of choices that are followed along edges: the ends of gaps move. Against differences of arcs of NumPy, closed
+forms, and candidates that are written by hand."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import mpmath
+import numpy as np
+import pytest
+
+import teg
+from teg.evaluator.plan import derivative_of_order
+from tests.passes.differentiate.candidates import ALL, BACKENDS, BOX, D, follows_edges, k, t, x, y
+from tests.references.disks import slopes_of_layers, slopes_of_union
+
+INSIDE = (x - D[k, 0]) ** 2 + (y - D[k, 1]) ** 2 < D[k, 2] ** 2
+UNION = teg.integral(teg.bracket(teg.any(INSIDE, ALL)) * teg.exp(x * y), *BOX)
+GROUND = 0.1
+PAINTED = teg.integral(teg.nearest(D[k, 4], D[k, 3], ALL, where=INSIDE, otherwise=GROUND), *BOX)  # rows: centre, radius, depth, colour
+STEP = 1e-3
+
+
+def follows_twice(f: Any) -> bool:
+    """Whether products with the Hessian are computed along edges, for any number of candidates."""
+    return follows_edges(f) and not f._lengths.any.plan.needs_lengths(derivative_of_order(1, f.wrt))
+
+
+def some(n: int, columns: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Rows of centres, radii, depths and colours, and a direction."""
+    rng = np.random.default_rng(seed)
+    rows = np.c_[rng.uniform(-0.1, 1.1, (n, 2)), rng.uniform(0.2, 1.2, n) / np.sqrt(max(n, 1)), rng.permutation(n), rng.uniform(0, 1, n)]
+    along = rng.normal(size=(n, 5)) / max(n, 1)
+    along[:, 3:] = 0.0
+    return rows[:, :columns], along[:, :columns]
+
+
+def change(slopes: Callable[[np.ndarray], np.ndarray], rows: np.ndarray, along: np.ndarray) -> np.ndarray:
+    """The derivative of slopes along a direction, by differences of order 6."""
+    weights = (1, 45), (2, -9), (3, 1)
+    return sum(w * (slopes(rows + s * STEP * along) - slopes(rows - s * STEP * along)) for s, w in weights) / (60 * STEP)  # type: ignore[return-value]
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_union_of_any_number(backend: str) -> None:
+    f = teg.compile(UNION, [D], backend=backend)
+    assert follows_twice(f)
+    for n in (0, 1, 2, 7, 25):
+        rows, along = some(n, 3, n)
+        expected = change(lambda disks: slopes_of_union(disks, lambda u, v: np.exp(u * v)), rows, along)
+        assert f.hvp({"D": rows}, {"D": along})["D"] == pytest.approx(expected, abs=1e-8)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_painted_disks(backend: str) -> None:
+    f = teg.compile(PAINTED, [D], backend=backend)
+    assert follows_twice(f)
+    for n in (1, 2, 7):
+        rows, along = some(n, 5, n)
+        expected = change(lambda disks, rows=rows: slopes_of_layers(disks, rows[:, 3], rows[:, 4], GROUND), rows[:, :3], along[:, :3])
+        assert f.hvp({"D": rows}, {"D": along})["D"][:, :3] == pytest.approx(expected, abs=1e-8)
+
+
+def test_two_disks_in_closed_form() -> None:
+    """A second derivative of the area, with 15 digits."""
+    f = teg.compile(teg.integral(teg.bracket(teg.any(INSIDE, ALL)), *BOX), [D])
+    rows, along = np.array([[0.4, 0.5, 0.25], [0.6, 0.55, 0.2]]), np.array([[0.1, -0.3, 0.2], [0.4, 0.2, -0.1]])
+
+    def area(s: Any) -> Any:
+        moved = (
+            [mpmath.mpf(float(v)) + s * mpmath.mpf(float(w)) for v, w in zip(*pair, strict=True)] for pair in zip(rows, along, strict=True)
+        )
+        (a, b, r), (c, d, q) = moved
+        apart = mpmath.hypot(a - c, b - d)
+        halves = [mpmath.acos((apart**2 + u * u - v * v) / (2 * apart * u)) for u, v in ((r, q), (q, r))]
+        return mpmath.pi * (r * r + q * q) - sum(u * u * (h - mpmath.sin(2 * h) / 2) for u, h in zip((r, q), halves, strict=True))
+
+    with mpmath.workdps(40):
+        expected = float(mpmath.diff(area, 0, 2))
+    assert np.vdot(f.hvp({"D": rows}, {"D": along})["D"], along) == pytest.approx(expected, rel=1e-13)
+
+
+LINE = (x - D[k, 0]) * D[k, 2] + (y - D[k, 1]) * 0.3 > 0
+SHAPES: dict[str, Callable[[Any], teg.Expr]] = {
+    "half disks": lambda some_: teg.integral(teg.bracket(some_(INSIDE & LINE)) * (1 + x * x * y), *BOX),
+    "half planes": lambda some_: teg.integral(teg.bracket(some_(LINE)) * teg.exp(x * y), *BOX),
+    "bounds and a body that move": lambda some_: teg.integral(teg.bracket(some_(INSIDE)) * (1 + t * x), (x, 0.1 * t, 1), (y, 0, 0.8 * t)),
+    "a square": lambda some_: teg.integral(teg.bracket(some_(INSIDE)) * y, *BOX) ** 2 * t,
+    "intervals": lambda some_: teg.integral(teg.bracket(some_((x - D[k, 0]) ** 2 < 0.1 * D[k, 2] ** 2 * t)) * teg.exp(x * t), (x, 0, 1)),
+}
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_as_written_by_hand(name: str) -> None:
+    def by_hand(condition: teg.Cond) -> teg.Cond:
+        first, second = (_at(condition, j) for j in (0, 1))
+        return first | second
+
+    f = teg.compile(SHAPES[name](lambda c: teg.any(c, ALL)), [D, t])
+    g = teg.compile(SHAPES[name](by_hand), [D, t])
+    assert follows_twice(f)
+    values, along = {"D": [[0.45, 0.5, 0.3], [0.6, 0.4, 0.25]], "t": 0.9}, {"D": [[0.3, -0.2, 0.5], [0.1, 0.4, -0.3]], "t": 0.7}
+    one, other = (h.hvp(values, along) for h in (f, g))
+    assert one["D"] == pytest.approx(other["D"], abs=1e-11)
+    assert one["t"] == pytest.approx(other["t"], abs=1e-11)
+
+
+def _at(condition: teg.Cond, row: int) -> teg.Cond:
+    from teg.ir.cells import replace_integers
+    from teg.ir.index import index_const
+
+    return replace_integers(condition, {k: index_const(row)})  # type: ignore[arg-type, return-value]
+
+
+def test_in_jax(x64_for_jax: Any) -> None:
+    import jax
+
+    f, g = teg.jax_function(UNION, [D], kernel="c"), teg.compile(UNION, [D])
+    rows, along = some(3, 3, 3)
+    whole = jax.hessian(lambda d: f(D=d))(rows)
+    assert np.einsum("ijkl,kl", whole, along) == pytest.approx(g.hvp({"D": rows}, {"D": along})["D"], abs=1e-13)
+
+
+def test_conditions_that_do_not_move() -> None:
+    """They are written out: a gradient that ignores edges is no gradient, and its derivative ignores them too."""
+    e = teg.integral(teg.stop_delta(teg.bracket(teg.any(INSIDE, ALL))) * D[0, 0] ** 2 * x, *BOX)
+    f = teg.compile(e, [D])
+    rows = np.array([[0.45, 0.5, 0.3], [0.6, 0.4, 0.25]])
+    value, along = f(D=rows), np.ones((2, 3))
+    assert f.hvp({"D": rows}, {"D": along})["D"][0, 0] == pytest.approx(2 * value / rows[0, 0] ** 2, rel=1e-12)
