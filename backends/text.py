@@ -6,6 +6,10 @@ Python's own, which raises where IEEE has inf or NaN; there the first is wrapped
 XLA fuses a product and a sum into one rounding, and has no switch against it. So JAX prints products as
 `x * y + zero`, where `zero` is -0.0 at run time and unknown to the compiler: that sum takes the fusion and
 changes no value, and the one that follows is plain.
+
+XLA also multiplies by reciprocals, of square roots and of divisors that are the same for all elements, and joins quotients of quotients.
+Roots of one curve by two formulas would then differ by more than rounding, with a piece between them on which nothing is known. JAX prints
+`rt.quotient(x, y, zero)` instead.
 """
 
 from __future__ import annotations
@@ -19,7 +23,8 @@ from teg.program import Arg, Assign
 OPERANDS = 16
 """Operands a printed expression may have: Python's own parser recurses over them."""
 
-_INFIX = {"add": " + ", "sub": " - ", "mul": " * ", "div": " / ", "and": " & ", "or": " | "}
+PLAIN = "{first} / {second}"
+_INFIX = {"add": " + ", "sub": " - ", "mul": " * ", "and": " & ", "or": " | "}
 _ASSOCIATIVE = ("add", "mul", "and", "or")
 _COMPARE = {"gt0": ">", "ge0": ">=", "lt0": "<", "le0": "<="}
 _RENAMED = {
@@ -44,6 +49,8 @@ class Dialect:
     guard: str = ""
     call: str = ""
     """How the result of function k at arguments is written."""
+    quotient: str = PLAIN
+    """How a quotient is written."""
 
 
 def assignment(stmt: Assign, dialect: Dialect) -> list[str]:
@@ -62,7 +69,9 @@ def operation(op: str, args: tuple[Arg, ...], dialect: Dialect) -> str:
     values = [value(arg, module) for arg in args]
     first = strict(args[0], module)
     match op:
-        case "const" | "add" | "sub" | "mul" | "div" | "and" | "or":
+        case "div":
+            return dialect.quotient.format(first=first, second=values[1])
+        case "const" | "add" | "sub" | "mul" | "and" | "or":
             if not any(isinstance(arg, str) for arg in args):
                 values[0] = first
             return _INFIX.get(op, "").join(values) + (guard if op == "mul" else "")

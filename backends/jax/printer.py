@@ -38,7 +38,12 @@ from teg.program import (
 SAMPLES = 1024
 """Points of a sample that one element has at a time."""
 RUN = "(order, zero)"
-DIALECT = Dialect("jnp", guard=" + zero", call="function_{k}(order, zero, {arguments})[0][0]")
+DIALECT = Dialect(
+    "jnp",
+    guard=" + zero",
+    call="function_{k}(order, zero, {arguments})[0][0]",
+    quotient="rt.quotient({first}, {second}, zero)",
+)
 
 
 def kernel_lines(program: Program) -> list[str]:

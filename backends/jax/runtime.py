@@ -45,6 +45,11 @@ def powi(x: Scalar, n: int) -> Scalar:
     return rules.powi(jnp, x, n)
 
 
+def quotient(x: Scalar, y: Scalar, zero: Scalar) -> Scalar:
+    """x / y, correctly rounded: XLA does not see that y is a root or the same for all elements, nor that the result is a quotient."""
+    return x / jnp.where(x == x, y, jnp.nan) + zero
+
+
 def erf(x: Scalar) -> Scalar:
     """The error function."""
     return error_function.erf(JAX, x)

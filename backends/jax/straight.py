@@ -22,7 +22,7 @@ from dataclasses import replace
 from teg.backends.branches import with_branches
 from teg.backends.c.crossed import Crossed, Item, Nodes, crossed
 from teg.backends.jax.selects import chosen_once
-from teg.backends.text import Dialect, assignment, inside, strict, value
+from teg.backends.text import PLAIN, Dialect, assignment, inside, strict, value
 from teg.program import Arg, Assign, Program
 
 MULTIPLIED = frozenset(("mul", "div", "abs", "gt0", "ge0", "lt0", "le0", "ok", "lower", "upper", "min", "max"))
@@ -44,6 +44,7 @@ def _length(item: Item) -> int:
 
 
 def _text(program: Program, line: Crossed, dialect: Dialect) -> list[str]:
+    dialect = replace(dialect, quotient=PLAIN)  # all kernels have the same quotients, which `together` computes once
     lines = [f"def straight({', '.join(['zero', *(f'p{i}' for i in range(len(program.parameters)))])}):"]
     exactly, free = _decisive(line.items) & _added(line.items), replace(dialect, guard="")
     for number, item in enumerate(line.items):

@@ -155,3 +155,25 @@ def test_pieces_at_their_end_are_looked_at_nowhere() -> None:
     assert len(second) == 10
     assert max(second) < 1.0
     assert len([x for x in seen if x < 0.5]) > 10
+
+
+@pytest.mark.usefixtures("x64")
+@pytest.mark.parametrize("level", [0, 3])
+def test_quotients_are_rounded_once(level: int) -> None:
+    """XLA multiplies by reciprocals and joins quotients: x/3.28, x/√y and (x/y)/w differ in the last bit for a third of all numbers."""
+    x, y, w = np.random.default_rng(0).random((3, 4096))
+    zero = np.float64(-0.0)
+    import jax
+
+    from teg.backends.jax.runtime import quotient
+
+    def several(x: Any, y: Any, w: Any, zero: Any) -> list[Any]:
+        one = quotient(x, 3.28, zero)
+        return [one, one + y, quotient(x, jax.numpy.sqrt(y), zero), quotient(quotient(x, y, zero), w, zero)]
+
+    options = {"xla_backend_optimization_level": level, "xla_llvm_disable_expensive_passes": level == 0}
+    found = jax.jit(several, compiler_options=options)(x, y, w, zero)
+    for one, exact in zip(found, [x / 3.28, x / 3.28 + y, x / np.sqrt(y), x / y / w], strict=True):
+        np.testing.assert_array_equal(one, exact)
+    assert np.isnan(quotient(np.float64(np.nan), 2.0, zero))
+    assert quotient(np.float64(np.inf), 2.0, zero) == np.inf
