@@ -58,5 +58,5 @@ lint: $(READY)
 
 $(READY): pyproject.toml
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[all]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile -e '.[all]'  # a module is compiled when it is imported
 	@touch $@

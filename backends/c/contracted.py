@@ -12,8 +12,8 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Container, Iterable, Sequence
 
-from teg.backends.c.crossed import Item, Nodes, defines, reads
 from teg.backends.c.crossing import LARGEST
+from teg.backends.c.items import Item, Nodes, defines, reads
 from teg.program import Arg, Assign
 
 COMPARISONS = {"gt0", "ge0", "lt0", "le0", "ok"}

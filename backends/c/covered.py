@@ -15,7 +15,8 @@ from collections import Counter
 from collections.abc import Container, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
-from teg.backends.c.crossed import Crossed, Item, defines, needed, reads
+from teg.backends.c.crossed import Crossed
+from teg.backends.c.items import Item, defines, needed, reads
 from teg.backends.c.lanes import SIDE
 from teg.backends.c.stages import Point
 from teg.backends.c.text import TRUTH, indent, packed, wrapped

@@ -17,8 +17,9 @@ from collections.abc import Container, Iterable, Sequence
 from dataclasses import replace
 from itertools import count
 
-from teg.backends.c.crossed import Crossed, Item, Nodes, defines, needed, reads
+from teg.backends.c.crossed import Crossed
 from teg.backends.c.crossing import LARGEST
+from teg.backends.c.items import Item, Nodes, defines, needed, reads
 from teg.program import Arg, Assign
 from teg.program.names import is_parameter, of_kind, parameter_number, unused_numbers
 

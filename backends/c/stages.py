@@ -14,8 +14,9 @@ from itertools import count
 from typing import NamedTuple
 
 from teg.backends.c.contracted import contracted, decisive
-from teg.backends.c.crossed import BRANCHLESS, SIDE, TOGETHER, Crossed, Item, Nodes, defines, reads
+from teg.backends.c.crossed import BRANCHLESS, SIDE, TOGETHER, Crossed
 from teg.backends.c.frame import Frame, Scope, Spelling, Step, assignments
+from teg.backends.c.items import Item, Nodes, defines, reads
 from teg.backends.c.lane_functions import SELECTIONS, values_in_lanes
 from teg.backends.c.regrouped import alike, regrouped
 from teg.backends.c.text import TRUTH, indent, literal

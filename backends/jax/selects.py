@@ -10,7 +10,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from teg.backends.c.crossed import Crossed, Item, needed
+from teg.backends.c.crossed import Crossed
+from teg.backends.c.items import Item, needed
 from teg.program import Arg, Assign
 
 SIGNS = {"gt0": "+", "ge0": "0+", "lt0": "-", "le0": "-0"}

@@ -20,7 +20,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from teg.backends.branches import with_branches
-from teg.backends.c.crossed import Crossed, Item, Nodes, crossed
+from teg.backends.c.crossed import Crossed, crossed
+from teg.backends.c.items import Item, Nodes
 from teg.backends.jax.selects import chosen_once
 from teg.backends.text import PLAIN, Dialect, assignment, inside, strict, value
 from teg.program import Arg, Assign, Program

@@ -19,7 +19,8 @@ import numpy as np
 import numpy.typing as npt
 
 from teg.backends.branches import with_branches
-from teg.backends.c.crossed import Crossed, Item, Nodes, crossed, defines
+from teg.backends.c.crossed import Crossed, crossed
+from teg.backends.c.items import Item, Nodes, defines
 from teg.backends.c.lanes import Packed, packed
 from teg.backends.numpy.kernel import DIALECT, MEMORY, NumpyKernel, compile_numpy
 from teg.backends.text import assignment, inside, value

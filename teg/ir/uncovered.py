@@ -77,7 +77,7 @@ class Gaps(Ranged, Expr):
     the ends of a gap. Where no place matters the term is 0 on every gap, or all is covered.
 
     In a derivative the term may depend on how fast ends move, which the parameters `VELOCITIES` stand for. Then there are more children:
-    the velocities of first and last, and for each border of a candidate a `Where`: a condition that the border belongs to, and its velocity.
+    the velocities of first and last, and for each border of a candidate a `Where`: a condition that has this border, and its velocity.
     """
 
     __slots__ = ()

@@ -149,7 +149,7 @@ def test_slopes_of_lenses_in_a_sum(backend: str) -> None:
     k, balls, sizes = teg.index("k"), teg.array("balls", 2), teg.array("sizes")
     apart = [(x - balls[k, i]) ** 2 + (y - balls[k, i + 1]) ** 2 + (z - balls[k, i + 2]) ** 2 < sizes[k] for i in (0, 3)]
     total = teg.sum(teg.integral(teg.bracket(apart[0] & apart[1]), *CUBE), (k, 0, teg.length(sizes)))
-    columns, volume, slope = lenses(400, 0.1, 1.95)
+    columns, volume, slope = lenses(100, 0.1, 1.95)
     given = {"balls": np.stack([columns[name] for name in "pqsabc"], axis=1), "sizes": columns["t"]}
     f = teg.compile(total, [sizes], backend=backend)
     assert f(given) == pytest.approx(volume.sum(), rel=1e-11)

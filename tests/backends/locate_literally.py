@@ -15,7 +15,7 @@ from teg.program import (
     Arg,
     Assign,
 )
-from tests.backends.locate_programs import BOTTOM, LEFT, RIGHT, TOP, Pair
+from tests.backends.locate_pairs import BOTTOM, LEFT, RIGHT, TOP, Pair
 from tests.backends.programs import INF, NAN
 
 

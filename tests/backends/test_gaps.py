@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from itertools import pairwise
 from typing import Any
 
@@ -60,16 +61,22 @@ def moving_program(places: int) -> ArrayProgram:
     return replace(plain, body=(lines, around), outputs=("v90", "v91", "v92"))
 
 
-def in_jax(p: ArrayProgram, arrays: list[np.ndarray]) -> tuple[list[float], bool]:
+@cache
+def compiled_in_jax(p: ArrayProgram, first: tuple[int, ...]) -> Callable[..., Any]:
+    """The program of two arrays. The entries of `first` are known while it is traced."""
     import jax
 
     from teg.backends.jax.kernel import compile_jax
     from teg.backends.jax.loops import ArrayFunction
+
+    known = np.array(first)
+    return jax.jit(lambda *given: ArrayFunction(p, compile_jax)([], [*given, jax.numpy.asarray(known)], [known]))
+
+
+def in_jax(p: ArrayProgram, arrays: list[np.ndarray], compiled: Callable[..., Any] = compiled_in_jax) -> tuple[list[float], bool]:
     from teg.backends.jax.runtime import MISSED
 
-    first = arrays[2]  # its entries are known while the program is traced
-    call = jax.jit(lambda *given: ArrayFunction(p, compile_jax)([], [*given, jax.numpy.asarray(first)], [first]))
-    found, note = call(*arrays[:2])
+    found, note = compiled(p, tuple(arrays[2].tolist()))(*arrays[:2])
     return [float(v) for v in found], bool(int(note) & MISSED)
 
 
@@ -154,7 +161,7 @@ def test_intervals_that_are_there_are_brought_together_in_jax(x64_for_jax: Any, 
     monkeypatch.setattr("teg.backends.jax.gaps.MANY", many)
     arrays = some(7, 3, 5)
     arrays = [np.c_[arrays[0], np.arange(3 * len(arrays[0])).reshape(-1, 3)], np.c_[arrays[1], arrays[1]], arrays[2]]
-    found, _ = in_jax(moving_program(3), arrays)
+    found, _ = in_jax(moving_program(3), arrays, compiled_in_jax.__wrapped__)  # with these limits
     assert found == pytest.approx(interpret_arrays(moving_program(3), [], arrays).outputs, abs=1e-13)
 
 

@@ -24,7 +24,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 import teg
 from teg.backends.c.standalone import standalone_c
 from teg.examples.charts.tables import read_page, write_page
-from tests.backends import isolate_surfaces, locate_programs, programs
+from tests.backends import isolate_surfaces, locate_pairs, programs
 from tests.bench.backends import backend_rows
 from tests.bench.closed import closed_rows
 from tests.bench.cut_disks import cut_disk_rows
@@ -139,7 +139,7 @@ def searches() -> list[Row]:
         names = isolate_surfaces.numbered(12)
         return programs.program(1, (isolate_surfaces.isolate(names, g, lo, hi),), *names.split())
 
-    circles = locate_programs.locate("vr0 vr1", locate_programs.two_circles(0.5, "p0", 1.0, 1.0), -2.0, 3.0, -1.5, 1.75)
+    circles = locate_pairs.locate("vr0 vr1", locate_pairs.two_circles(0.5, "p0", 1.0, 1.0), -2.0, 3.0, -1.5, 1.75)
     return [
         search_row("roots of a line", roots(isolate_surfaces.line(2.0, "p0"), 0.0, 1.0), [p]),
         search_row("roots of x³ - p·x", roots(isolate_surfaces.cubic("p0"), -1.0, 1.5), [p]),

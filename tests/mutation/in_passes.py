@@ -357,12 +357,12 @@ IN_PASSES: tuple[Mutant, ...] = (
     ),
     *mutants(
         "teg/passes/lower/linear.py",
-        ("tests/passes/differentiate/test_layers.py",),
+        ("tests/passes/differentiate/test_moving_ends.py",),
         ("terms that do not count", "where(condition, w, ZERO)) for condition, weights", "w) for condition, weights"),
     ),
     *mutants(
         "teg/passes/differentiate/through_sums.py",
-        ("tests/passes/differentiate/test_layers.py",),
+        ("tests/passes/differentiate/test_moving_ends.py",),
         ("a candidate beside itself", "where(condition, rate(add(*terms), changes), ZERO) for", "rate(add(*terms), changes) for"),
     ),
     *mutants(

@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 Function = Callable[..., np.ndarray]
+Places = float | np.ndarray
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(40)
 
 
@@ -16,10 +17,11 @@ def integral_over_union(disks: np.ndarray, f: Function) -> float:
     total = 0.0
     for p, q in pairwise(np.unique(np.clip([0.0, 1.0, *_heights(disks)], 0.0, 1.0))):
         u = 0.5 * (NODES + 1)  # both ends may be like square roots
-        for height, weight in zip(p + (q - p) * u * u * (3 - 2 * u), (q - p) * 3 * u * (1 - u) * WEIGHTS, strict=True):
-            for left, right in _covered(disks, height):
-                places = left + (right - left) * u
-                total += weight * 0.5 * (right - left) * float(WEIGHTS @ f(places, height))
+        height = (p + (q - p) * u * u * (3 - 2 * u))[:, None]
+        left, right = _covered(disks, height)
+        places = left[..., None] + (right - left)[..., None] * u
+        slices = 0.5 * (right - left) * (f(places, height[..., None]) @ WEIGHTS)
+        total += (q - p) * float(3 * u * (1 - u) * WEIGHTS @ slices.sum(axis=1))
     return total
 
 
@@ -38,15 +40,16 @@ def slopes_of_union(disks: np.ndarray, f: Function) -> np.ndarray:
     return found
 
 
-def _covered(disks: np.ndarray, height: float) -> Iterator[tuple[float, float]]:
-    """Yields the intervals of a slice that are in the union, ascending."""
+def _covered(disks: np.ndarray, height: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Returns the ends of intervals, one for each disk and most of them empty, of which the slices at these heights consist."""
     half = np.sqrt(np.maximum(disks[:, 2] ** 2 - (height - disks[:, 1]) ** 2, 0.0))
-    end = 0.0
-    for left, right in sorted(zip(disks[:, 0] - half, disks[:, 0] + half, strict=True)):
-        left, right = max(left, end), min(right, 1.0)
-        if right > left:
-            yield left, right
-            end = right
+    left, right = disks[:, 0] - half, np.minimum(disks[:, 0] + half, 1.0)
+    order = np.argsort(left, axis=1)
+    left, right = np.take_along_axis(left, order, axis=1), np.take_along_axis(right, order, axis=1)
+    covered = np.maximum.accumulate(np.maximum(right, 0.0), axis=1)  # up to where the disks before reach
+    left[:, 1:] = np.maximum(left[:, 1:], covered[:, :-1])
+    left[:, :1] = np.maximum(left[:, :1], 0.0)
+    return left, np.maximum(left, right)
 
 
 def _heights(disks: np.ndarray) -> Iterator[float]:
@@ -86,11 +89,12 @@ def integral_of_layers(disks: np.ndarray, depths: np.ndarray, colours: np.ndarra
     total = 0.0
     for p, q in pairwise(np.unique(np.clip([0.0, 1.0, *_heights(disks)], 0.0, 1.0))):
         u = 0.5 * (NODES + 1)
-        for height, weight in zip(p + (q - p) * u * u * (3 - 2 * u), (q - p) * 3 * u * (1 - u) * WEIGHTS, strict=True):
-            half = np.sqrt(np.maximum(disks[:, 2] ** 2 - (height - disks[:, 1]) ** 2, 0.0))
-            ends = np.unique(np.clip([0.0, 1.0, *(disks[:, 0] - half), *(disks[:, 0] + half)], 0.0, 1.0))
-            for left, right in pairwise(ends):
-                total += weight * (right - left) * _seen_at(0.5 * (left + right), height, disks, depths, colours, ground)
+        height = (p + (q - p) * u * u * (3 - 2 * u))[:, None]
+        half = np.sqrt(np.maximum(disks[:, 2] ** 2 - (height - disks[:, 1]) ** 2, 0.0))
+        ends = [np.zeros_like(height), np.ones_like(height), disks[:, 0] - half, disks[:, 0] + half]
+        ends = np.sort(np.clip(np.concatenate(ends, axis=1), 0.0, 1.0), axis=1)
+        seen = _seen_at(0.5 * (ends[:, :-1] + ends[:, 1:]), height, disks, depths, colours, ground)
+        total += (q - p) * float(3 * u * (1 - u) * WEIGHTS @ (seen * np.diff(ends, axis=1)).sum(axis=1))
     return total
 
 
@@ -110,6 +114,9 @@ def slopes_of_layers(disks: np.ndarray, depths: np.ndarray, colours: np.ndarray,
     return found
 
 
-def _seen_at(x: float, y: float, disks: np.ndarray, depths: np.ndarray, colours: np.ndarray, ground: float) -> float:
-    inside = (x - disks[:, 0]) ** 2 + (y - disks[:, 1]) ** 2 < disks[:, 2] ** 2
-    return float(colours[inside][np.argmin(depths[inside])]) if inside.any() else ground
+def _seen_at(x: Places, y: Places, disks: np.ndarray, depths: np.ndarray, colours: np.ndarray, ground: float) -> np.ndarray:
+    """Returns the colours at places, of the shape of x and y."""
+    x, y = (np.asarray(at)[..., None] for at in (x, y))
+    depth = np.where((x - disks[:, 0]) ** 2 + (y - disks[:, 1]) ** 2 < disks[:, 2] ** 2, depths, np.inf)
+    first = np.append(depth, np.full((*depth.shape[:-1], 1), np.inf), axis=-1).argmin(axis=-1)
+    return np.where(np.isfinite(depth).any(axis=-1), np.append(colours, ground)[first], ground)

@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from heapq import heapify, heappop, heappush
 from typing import Any, cast
 
-from teg.analysis.calculus import slope
+from teg.analysis import calculus
 from teg.errors import NotDifferentiableError, ParameterError
 from teg.ir import expr as ex
 from teg.ir import operands, simplify
@@ -266,7 +266,7 @@ def along_edges(derive: Derive) -> Along:
         elif any(isinstance(n, Integral) for n in postorder([cell])):
             raise Refused("the border of a candidate depends on an integral")
         else:
-            slopes = [slope(cell, p) for p in moving]
+            slopes = [calculus.slope(cell, p) for p in moving]
         return with_gaps(add(*(mul(s, changes[p]) for p, s in zip(moving, slopes, strict=True))), derive)
 
     def along(cell: Expr, changes: Mapping[Param | Var, Expr]) -> Expr:

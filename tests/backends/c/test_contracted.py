@@ -12,8 +12,9 @@ import pytest
 import teg
 from teg.backends.branches import with_branches
 from teg.backends.c.contracted import contracted, decisive
-from teg.backends.c.crossed import Item, Nodes, crossed
+from teg.backends.c.crossed import crossed
 from teg.backends.c.crossing import LARGEST
+from teg.backends.c.items import Item, Nodes
 from teg.program import Arg, Assign, Program
 from tests.bench.scenes import triangle_pixel
 

@@ -12,7 +12,8 @@ import pytest
 import teg
 from teg.backends.branches import with_branches
 from teg.backends.c import crossed as c_crossed
-from teg.backends.c.crossed import Crossed, Nodes, crossed, lines_apart
+from teg.backends.c.crossed import Crossed, crossed, lines_apart
+from teg.backends.c.items import Nodes
 from teg.backends.c.kernel import CKernel, compile_c, print_kernel
 from teg.backends.numpy.kernel import NumpyKernel, compile_numpy
 from teg.ir.expr import Param

@@ -28,17 +28,11 @@ from tests.backends.c_checks import (
 from tests.backends.isolate_programs import ROOTS
 from tests.backends.isolate_surfaces import numbered, sum_over
 from tests.backends.locate_literally import literally
-from tests.backends.locate_programs import (
+from tests.backends.locate_pairs import (
     BOTTOM,
     LEFT,
-    LOCATE_CASES,
-    NESTS,
-    PLACES,
     RIGHT,
-    SAME,
-    SPAN,
     TOP,
-    ZERO,
     Pair,
     chord,
     ends,
@@ -51,6 +45,7 @@ from tests.backends.locate_programs import (
     two_circles,
     wave,
 )
+from tests.backends.locate_programs import LOCATE_CASES, NESTS, PLACES, SAME, SPAN, ZERO
 from tests.backends.programs import Case, columns, let, program
 
 pytestmark = in_c

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from teg.backends.c.crossed import Crossed, Item, Nodes
+from teg.backends.c.crossed import Crossed
+from teg.backends.c.items import Item, Nodes
 from teg.backends.c.regrouped import alike, regrouped
 from teg.program import Arg, Assign, Program
 from teg.program.interpreter import interpret

@@ -7,7 +7,8 @@ import pytest
 
 from teg.backends.jax.kernel import compile_jax
 from teg.backends.numpy.kernel import compile_numpy
-from tests.backends.locate_programs import NESTS, PLACES, locate, point
+from tests.backends.locate_pairs import locate, point
+from tests.backends.locate_programs import NESTS, PLACES
 from tests.backends.numpy.test_locate import circles_at_random
 from tests.backends.programs import INF, Case, columns, expected, program
 

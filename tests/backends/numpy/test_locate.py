@@ -17,7 +17,8 @@ from teg.program import LOCATE_HALVINGS, LOCATE_WIDTH, Assign, Locate, Program
 from teg.program.dce import without_dead_code
 from tests.backends.isolate_surfaces import numbered
 from tests.backends.locate_literally import literally
-from tests.backends.locate_programs import LOCATE_CASES, PLACES, Pair, ends, locate, point, two_circles, wave
+from tests.backends.locate_pairs import Pair, ends, locate, point, two_circles, wave
+from tests.backends.locate_programs import LOCATE_CASES, PLACES
 from tests.backends.programs import INF, Case, columns, expected, let, program
 
 Columns = list[npt.NDArray[np.float64]]

@@ -65,9 +65,10 @@ ANGLE = teg.atan2(y, x)
 def test_a_cut_that_stays_has_no_mass(condition: teg.Cond, turned: bool, backend: str) -> None:
     """A condition that jumps on the cut, where its region ends whatever the parameters are."""
     box = ((x, -1.3, 1.2), (y, -1.2, 1.1))
-    f = teg.compile(teg.integral(teg.exp(x) * teg.bracket(condition), *(box[::-1] if turned else box)), [a, t], backend=backend)
+    e = teg.integral(teg.exp(x) * teg.bracket(condition), *(box[::-1] if turned else box))
     at = {"a": 0.12, "t": 0.4}
-    assert f.grad(**at) == pytest.approx(differences(f, at), rel=1e-6)
+    values = teg.compile(e, [a, t], backend="c")
+    assert teg.compile(e, [a, t], backend=backend).grad(**at) == pytest.approx(differences(values, at), rel=1e-6)
 
 
 def test_second_derivatives_where_a_surface_may_end_on_a_cut() -> None:

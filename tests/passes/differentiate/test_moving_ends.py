@@ -4,6 +4,7 @@ forms, and candidates that are written by hand."""
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 from typing import Any
 
 import mpmath
@@ -12,6 +13,7 @@ import pytest
 
 import teg
 from teg.evaluator.plan import derivative_of_order
+from teg.ir.node import postorder
 from tests.passes.differentiate.candidates import ALL, BACKENDS, BOX, D, follows_edges, k, t, x, y
 from tests.references.disks import slopes_of_layers, slopes_of_union
 
@@ -111,6 +113,36 @@ def _at(condition: teg.Cond, row: int) -> teg.Cond:
     from teg.ir.index import index_const
 
     return replace_integers(condition, {k: index_const(row)})  # type: ignore[arg-type, return-value]
+
+
+@pytest.mark.parametrize("key", [D[k, 0] * x**2 + D[k, 2], D[k, 0] * x**2 + D[k, 1] * x + D[k, 2]], ids=["even", "any"])
+@pytest.mark.parametrize("rows", [[[1.0, 0.0, 0.1]], [[1.0, -0.6, 0.2], [2.0, -2.1, 0.6], [1.5, 0.5, 0.15]]], ids=["one", "three"])
+def test_the_lowest_of_parabolas(key: teg.Expr, rows: list[list[float]]) -> None:
+    """A candidate is never compared with itself, where the difference of keys has no slope."""
+    f = teg.compile(teg.integral(teg.minimum_of(key, ALL), (x, 0, 1)), [D])
+    numbers, along = np.array(rows), np.random.default_rng(1).normal(size=(len(rows), 3))
+    if D[k, 1] not in _nodes(key):
+        numbers[:, 1] = along[:, 1] = 0.0
+    assert follows_twice(f)
+    expected = change(_moments_of_lowest, numbers, along)
+    found = f.hvp({"D": numbers}, {"D": along})["D"]
+    assert found[:, [0, 2]] == pytest.approx(expected[:, [0, 2]], abs=1e-8)
+    if D[k, 1] in _nodes(key):
+        assert found[:, 1] == pytest.approx(expected[:, 1], abs=1e-8)
+
+
+def _nodes(e: teg.Expr) -> list[Any]:
+    return list(postorder([e]))
+
+
+def _moments_of_lowest(rows: np.ndarray) -> np.ndarray:
+    """The derivatives of ∫ min: x², x and 1 over where a parabola is the lowest one."""
+    crossings = [r.real for i, a in enumerate(rows) for b in rows[:i] for r in np.roots(a - b) if abs(r.imag) < 1e-12 and 0 < r.real < 1]
+    found = np.zeros_like(rows)
+    for p, q in pairwise([0.0, *sorted(crossings), 1.0]):
+        lowest = np.argmin(rows @ [(0.5 * (p + q)) ** 2, 0.5 * (p + q), 1.0])
+        found[lowest] += [(q**3 - p**3) / 3, (q**2 - p**2) / 2, q - p]
+    return found
 
 
 def test_in_jax(x64_for_jax: Any) -> None:
