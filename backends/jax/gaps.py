@@ -63,10 +63,10 @@ def gaps_of_lanes(values: Any, candidates: tuple[Any, Any], line: Line) -> LaneG
     lanes, *intervals = (v.reshape(-1) for v in (jnp.broadcast_to(parent, covered.shape), *intervals))
     there, few = covered.reshape(-1), MANY * size
     if len(there) <= max(2 * few, SHORT):
-        lane, live, *ends = _between((jnp.where(there, lanes, size), *intervals), line)
+        lane, live, *found = _between((jnp.where(there, lanes, size), *intervals), line)
     else:
-        lane, live, *ends = _between_few((there, lanes, *intervals), line, few)
-    return LaneGaps(lane, live & ~lost[lane], tuple(ends), lost)
+        lane, live, *found = _between_few((there, lanes, *intervals), line, few)
+    return LaneGaps(lane, live & ~lost[lane], tuple(found), lost)
 
 
 def places_of(numbers: Any, counts: Any) -> Any:

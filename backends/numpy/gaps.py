@@ -44,7 +44,7 @@ def settled(flags: Array, touching: Array) -> Array:
     return np.take_along_axis(flags, np.where(before < 0, behind, before), axis=0)
 
 
-def gaps_of_lanes(lane: Array, covered: Sequence[Array], first: Array, last: Array, outer: Sequence[Array] = ()) -> tuple[Array, ...]:
+def gaps_of_lanes(lane: Array, covered: Sequence[Array], first: Array, last: Array, outer: tuple[Array, ...] = ()) -> tuple[Array, ...]:
     """Returns the gaps between intervals (p, q) of lanes, which are covered, with the lane of each, lane by lane, ascending. With the
     velocities of p and q behind these, and those of first and last, the velocities of the ends of gaps follow."""
     count = len(first)

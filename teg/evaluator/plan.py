@@ -326,8 +326,9 @@ class Derivation:
         task = self.task
         if len(wanted.along) > 1:
             raise Refused("it is differentiated more than twice")
-        followed = {n: ZERO for n in postorder([task.expression]) if isinstance(n, Uncovered)}
-        if any(n.has_still_conditions for n in followed) or has_still(replaced([task.expression], followed)[0]):
+        followed = [n for n in postorder([task.expression]) if isinstance(n, Uncovered)]
+        beside = replaced([task.expression], dict.fromkeys(followed, ZERO))[0]
+        if any(n.has_still_conditions for n in followed) or has_still(beside):
             raise Refused("it has conditions that do not move")
         (direction,) = self.directions(wanted)
 

@@ -232,6 +232,16 @@ IN_BACKENDS: tuple[Mutant, ...] = (
         ("a candidate that covers a part, in C", "g->closed &= before > TEG_TIE_TO || p >= q;", ""),
     ),
     *mutants(
+        "backends/c/delayed.py",
+        ("tests/backends/c/test_delayed.py",),
+        (
+            "what the end of a line is made of",
+            "needed = {gaps.first, gaps.last, gaps.lo, gaps.hi}",
+            "needed = {gaps.first, gaps.lo, gaps.hi}",
+        ),
+        ("what others read", "readers.get(name, {0}) <= inside", "readers.get(name, {0}) & inside"),
+    ),
+    *mutants(
         "backends/shared/roots.py",
         ("tests/analysis/test_breaks.py",),
         ("boxes in which rounding decides the sign", "bent_up, noise = bounds\n", "bent_up, noise = (*bounds[:6], 0.0)\n"),
