@@ -31,7 +31,7 @@ def delayed(block: Sequence[Step], readers: Readers) -> dict[int, list[Run]]:
     for k, gaps in enumerate(block):
         if isinstance(gaps, Gaps):
             inside = {id(step) for step in steps((gaps,))}
-            needed = {gaps.first, gaps.last, gaps.lo, gaps.hi}
+            needed = {gaps.first, gaps.last, gaps.lo, gaps.hi, *gaps.outer}  # what is read in front of the line
             waiting: list[Run] = []
             for step in reversed(block[:k]):
                 names = result_names(step)

@@ -236,8 +236,8 @@ IN_BACKENDS: tuple[Mutant, ...] = (
         ("tests/backends/c/test_delayed.py",),
         (
             "what the end of a line is made of",
-            "needed = {gaps.first, gaps.last, gaps.lo, gaps.hi}",
-            "needed = {gaps.first, gaps.lo, gaps.hi}",
+            "{gaps.first, gaps.last, gaps.lo, gaps.hi, *gaps.outer}",
+            "{gaps.first, gaps.lo, gaps.hi, *gaps.outer}",
         ),
         ("what others read", "readers.get(name, {0}) <= inside", "readers.get(name, {0}) & inside"),
     ),

@@ -137,7 +137,8 @@ def edges_of(node: Uncovered, weight: Expr, moved: Param | None = None) -> Itera
         cell = mul(fixed(mul(weight, side)), _seen(_others(node, surface), y_x), bracket(beyond))
         for v, (lo, hi) in reversed(list(zip(y_x, bounds, strict=True))):
             cell = integral_over(cell, v, fixed(lo), fixed(hi))
-        yield cell
+        counts = disjunction(*gates_of(node.condition, surface.atoms))
+        yield where(counts, cell, ZERO)  # the border between a candidate and itself, which is none, has places that are no numbers
 
 
 def inside_of(node: Uncovered) -> Expr:

@@ -314,6 +314,33 @@ def _shade(place: float, rows: np.ndarray) -> float:
     return float(rows[owner, 0] * place if owner >= 0 else np.exp(place))
 
 
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_parabolas_where_they_hold(backend: str) -> None:
+    """Against differences of a sum over pieces. The border between a key and itself is a quadratic equation of zeros and roundings."""
+    key, within = (x - D[k, 0]) ** 2 * (1 + D[k, 2]) + 0.05 * D[k, 3], (x - D[k, 0]) ** 2 < 0.3 * D[k, 2] ** 2
+    f = teg.compile(teg.integral(teg.nearest(D[k, 4], key, ALL, where=within, otherwise=GROUND), (x, 0, t)), [D, t], backend=backend)
+    assert follows_edges(f)
+    for n in (1, 2, 5):
+        rows, along = some(n, n), np.random.default_rng(n).normal(size=(n, 5))
+        value, slopes = f.value_and_grad(D=rows, t=0.8)
+        assert value == pytest.approx(_by_pieces(rows, 0.8), abs=1e-13)
+        near = [_by_pieces(rows + s * 1e-4 * along, 0.8) for s in (2, 1, -1, -2)]
+        assert np.vdot(slopes["D"], along) == pytest.approx((-near[0] + 8 * near[1] - 8 * near[2] + near[3]) / 12e-4, abs=1e-9)
+
+
+def _by_pieces(rows: np.ndarray, last: float) -> float:
+    keys = [[1 + r, -2 * (1 + r) * c, (1 + r) * c * c + 0.05 * depth] for c, _, r, depth, _ in rows]
+    halves = np.sqrt(0.3) * rows[:, 2]
+    crossings = [np.roots(np.subtract(p, q)) for i, p in enumerate(keys) for q in keys[:i]]
+    ends = np.concatenate([[0, last], rows[:, 0] - halves, rows[:, 0] + halves, *(c.real[c.imag == 0] for c in crossings)])
+    total = 0.0
+    for lower, upper in pairwise(np.unique(np.clip(ends, 0, last))):
+        place = 0.5 * (lower + upper)
+        holds = np.flatnonzero(abs(place - rows[:, 0]) < halves)
+        total += (upper - lower) * (rows[min(holds, key=lambda j: np.polyval(keys[j], place)), 4] if holds.size else GROUND)
+    return total
+
+
 # -- others ------------------------------------------------------------------------------------------------------------
 
 

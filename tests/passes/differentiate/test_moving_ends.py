@@ -93,6 +93,25 @@ SHAPES: dict[str, Callable[[Any], teg.Expr]] = {
 }
 
 
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_line_of_which_the_ends_move(backend: str) -> None:
+    """What the intervals (0.2·t, 0.4) and (0.3·t, 0.5) leave of 0 < x < t."""
+    within = (x > D[k, 0] * t) & (x < D[k, 1])
+    f = teg.compile(teg.integral(teg.bracket(teg.all(~within, ALL)) * teg.exp(x * t), (x, 0, t)), [D, t], backend=backend)
+    assert follows_twice(f)
+
+    def left_over(a: Any, b: Any, t: Any) -> Any:
+        return (mpmath.exp(a * t * t) - 1 + mpmath.exp(t * t) - mpmath.exp(b * t)) / t
+
+    found = f.hvp({"D": [[0.2, 0.4], [0.3, 0.5]], "t": 0.8}, {"D": [[2.0, 3.0], [5.0, 7.0]], "t": 11.0})
+    orders, along = np.eye(3, dtype=int), (2.0, 7.0, 11.0)
+    with mpmath.workdps(30):
+        seconds = [[float(mpmath.diff(left_over, (0.2, 0.5, 0.8), tuple(map(int, p + q)))) for q in orders] for p in orders]
+    by_a, by_b, by_t = np.array(seconds) @ along
+    assert found["D"] == pytest.approx(np.array([[by_a, 0.0], [0.0, by_b]]), abs=1e-12)
+    assert found["t"] == pytest.approx(by_t, abs=1e-12)
+
+
 @pytest.mark.parametrize("name", SHAPES)
 def test_as_written_by_hand(name: str) -> None:
     def by_hand(condition: teg.Cond) -> teg.Cond:
