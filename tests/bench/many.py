@@ -43,8 +43,11 @@ def processor_time(action: Callable[[], object]) -> float:
     return statistics.median(times)
 
 
-def row(name: str, candidates: int, evaluator: teg.Evaluator, given: dict[str, Any], error: Callable[[], float]) -> Row:
-    """One row; the time of compiling is that of a clock."""
+def row(
+    name: str, candidates: int, evaluator: teg.Evaluator, given: dict[str, Any], error: Callable[[], float], direction: Any = None
+) -> Row:
+    """One row; the time of compiling is that of a clock, and without that of the product of the Hessian with a `direction`, if it is
+    asked for."""
     start = time.perf_counter()
     evaluator.value_and_grad(given)  # derives and compiles
     compiled = time.perf_counter() - start
@@ -55,8 +58,15 @@ def row(name: str, candidates: int, evaluator: teg.Evaluator, given: dict[str, A
         "compile, s": compiled,
         "value, s": processor_time(lambda: evaluator(given)),
         "gradient, s": processor_time(lambda: evaluator.value_and_grad(given)),
+        "Hessian product, s": "" if direction is None else product_time(evaluator, given, direction),
         "error": error(),
     }
+
+
+def product_time(evaluator: teg.Evaluator, given: dict[str, Any], direction: Any) -> float:
+    """Seconds of the processor of a product with the Hessian, after one that compiles it."""
+    evaluator.hvp(given, direction)
+    return processor_time(lambda: evaluator.hvp(given, direction))
 
 
 def sampled(picture: Callable[[], np.ndarray], exact: Callable[[int], float]) -> float:
@@ -124,7 +134,10 @@ def union_row(disks: int) -> Row:
     rng = np.random.default_rng(1)
     given = {"D": np.c_[rng.random((disks, 2)), np.full(disks, 0.5 / np.sqrt(disks))]}
     exact = slopes_of_union(given["D"], lambda u, v: 1 + 0 * u)
-    return row(f"union of {disks} disks", disks**2, evaluator, given, lambda: float(np.abs(evaluator.grad(given)["D"] - exact).max()))
+    direction = {"D": rng.normal(size=(disks, 3))}
+    return row(
+        f"union of {disks} disks", disks**2, evaluator, given, lambda: float(np.abs(evaluator.grad(given)["D"] - exact).max()), direction
+    )
 
 
 def painting_row(disks: int) -> Row:
@@ -138,7 +151,8 @@ def painting_row(disks: int) -> Row:
     rows = np.c_[rng.uniform(-0.1, 1.1, (disks, 2)), rng.uniform(0.1, 0.4, disks), rng.permutation(disks), rng.random(disks)]
     exact = slopes_of_layers(rows[:, :3], rows[:, 3], rows[:, 4], 0.1)
     name = f"painting of {disks} disks"
-    return row(name, disks**2, evaluator, {"D": rows}, lambda: float(np.abs(evaluator.grad(D=rows)["D"][:, :3] - exact).max()))
+    direction = {"D": rng.normal(size=rows.shape)}
+    return row(name, disks**2, evaluator, {"D": rows}, lambda: float(np.abs(evaluator.grad(D=rows)["D"][:, :3] - exact).max()), direction)
 
 
 def disks_row(size: int, disks: int) -> Row:
