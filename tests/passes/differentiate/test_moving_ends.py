@@ -15,6 +15,7 @@ import teg
 from teg.evaluator.plan import derivative_of_order
 from teg.ir.node import postorder
 from tests.passes.differentiate.candidates import ALL, BACKENDS, BOX, D, follows_edges, k, t, x, y
+from tests.passes.differentiate.test_layers import without_cells
 from tests.references.disks import slopes_of_layers, slopes_of_union
 
 INSIDE = (x - D[k, 0]) ** 2 + (y - D[k, 1]) ** 2 < D[k, 2] ** 2
@@ -162,6 +163,32 @@ def _moments_of_lowest(rows: np.ndarray) -> np.ndarray:
         lowest = np.argmin(rows @ [(0.5 * (p + q)) ** 2, 0.5 * (p + q), 1.0])
         found[lowest] += [(q**3 - p**3) / 3, (q**2 - p**2) / 2, q - p]
     return found
+
+
+@pytest.mark.parametrize("depths", [[0.0] * 5, [2.0, 0.0, 4.0, 1.0, 3.0]], ids=["equal", "other"])
+def test_a_mesh_with_common_vertices(depths: list[float]) -> None:
+    """Triangles around a vertex; several borders end at each of its corners, and move together. Against areas and means of triangles."""
+    V, C, Z, F = teg.array("V", 2), teg.array("C"), teg.array("Z"), teg.indices("F", 2)
+    corner = [(V[F[k, i], 0], V[F[k, i], 1]) for i in range(3)]
+    sides = [(b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0]) for a, b in zip(corner, [*corner[1:], corner[0]], strict=True)]
+    inside = (sides[0] > 0) & (sides[1] > 0) & (sides[2] > 0)
+    with without_cells():
+        f = teg.compile(teg.integral(teg.nearest(C[k] + y, Z[k], (k, 0, teg.length(F, 0)), where=inside, otherwise=GROUND), *BOX), [V])
+        assert follows_twice(f)
+    angles = 2 * np.pi * np.arange(5) / 5
+    vertices = np.r_[[[0.5, 0.47]], np.c_[0.5 + 0.35 * np.cos(angles), 0.48 + 0.3 * np.sin(angles + 0.1)]]
+    faces, colours = np.array([[0, 1 + i, 1 + (i + 1) % 5] for i in range(5)]), np.array([0.3, 0.9, 0.5, 0.2, 0.7])
+    along = np.random.default_rng(1).normal(size=vertices.shape)
+
+    def total(places: np.ndarray) -> float:
+        a, b, c = (places[faces[:, i]] for i in range(3))
+        areas = 0.5 * ((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
+        return float(GROUND + areas @ (colours - GROUND + (a + b + c)[:, 1] / 3))
+
+    product = f.hvp({"V": vertices, "F": faces, "C": colours, "Z": depths}, {"V": along})["V"]
+    step = 0.1  # a cubic function: the second difference is exact
+    second = (total(vertices + step * along) - 2 * total(vertices) + total(vertices - step * along)) / step**2
+    assert np.vdot(product, along) == pytest.approx(second, abs=1e-12)
 
 
 def test_in_jax(x64_for_jax: Any) -> None:
