@@ -243,7 +243,7 @@ IN_BACKENDS: tuple[Mutant, ...] = (
     ),
     *mutants(
         "backends/shared/roots.py",
-        ("tests/analysis/test_breaks.py",),
+        ("tests/backends/numpy/test_isolate.py",),
         ("boxes in which rounding decides the sign", "bent_up, noise = bounds\n", "bent_up, noise = (*bounds[:6], 0.0)\n"),
     ),
     *mutants(

@@ -11,6 +11,7 @@ import pytest
 
 from teg.backends.numpy import lanes
 from teg.backends.numpy.kernel import compile_numpy
+from teg.backends.shared.roots import Ends, examined
 from teg.program import Arg, Program, Stmt
 from teg.program.dce import without_dead_code
 from tests.backends.isolate_programs import ISOLATE_CASES, ROOTS, SUMS
@@ -226,3 +227,11 @@ def test_a_range_of_any_size() -> None:
 def test_parameters_that_are_nan() -> None:
     found = compile_numpy(roots(square("p0", "p1"), 2, 2))([np.array([NAN, 0.3]), np.array([0.1, NAN])], 2)
     assert (found == INF).all()
+
+
+def test_rounding_decides_the_sign() -> None:
+    """A box is kept in which the function is as small as its rounding, though it does not reach 0 there by its slope."""
+    for noise, kept in ((1e-16, True), (0.0, False)):
+        bounds = np.array([-1.0, 1.0, -1e-15, 1e-15, -1.0, 1.0, noise])  # of g, its slope and its curvature
+        found = examined(np, bounds, (np.float64(-1e-17), np.float64(0.0)), 1e-6, Ends(np.False_, np.True_, np.True_))
+        assert bool(found.monotone | found.bent | found.left) == kept
