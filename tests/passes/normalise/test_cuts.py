@@ -367,6 +367,16 @@ def test_an_angle_is_not_less_than_itself(factor: int) -> None:
     assert values == [0.0, 0.0, 3.0, 3.0]
 
 
+@pytest.mark.parametrize("factor", [1, -2])
+def test_a_direction_is_not_less_than_itself(factor: int) -> None:
+    """The angle to a point of a ray is that of the ray, all along it."""
+    angle = teg.atan2(x * teg.sin(t), x * teg.cos(t))
+    conditions = factor * angle < factor * t, factor * t < factor * angle, factor * angle <= factor * t, factor * t <= factor * angle
+    for at in (0.5, -1.2):
+        values = [teg.evaluate(teg.integral(teg.bracket(c), (x, 0, 1)), t=at) for c in conditions]
+        assert values == [0.0, 0.0, 1.0, 1.0]
+
+
 @pytest.mark.parametrize("backend", ["numpy", "c"])
 def test_an_angle_compared_with_what_it_is_the_angle_of(backend: str) -> None:
     """atan2(sin u, cos u) < u holds where u > π: it is no tie where both are equal. The gradient was ½ where it is 0, -½ where it is -1."""
