@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from teg.program.arrays import ArrayProgram, Gaps, Run, Step, steps
-from teg.program.fields import operands, result_names
+from teg.program.arrays import Arg, ArrayProgram, Gaps, Run, Step, steps
+from teg.program.fields import operands
 
 Readers = dict[str, set[int]]
 """The steps that read a name themselves, by their identity; 0 are the outputs of the program."""
@@ -27,16 +27,17 @@ def readers_of(program: ArrayProgram) -> Readers:
 
 def delayed(block: Sequence[Step], readers: Readers) -> dict[int, list[Run]]:
     """Returns the flat programs of a block that can wait for a sum over gaps, in order, by the identity of that sum."""
-    found: dict[int, list[Run]] = {}
-    for k, gaps in enumerate(block):
-        if isinstance(gaps, Gaps):
-            inside = {id(step) for step in steps((gaps,))}
-            needed = {gaps.first, gaps.last, gaps.lo, gaps.hi, *gaps.outer}  # what is read in front of the line
-            waiting: list[Run] = []
-            for step in reversed(block[:k]):
-                names = result_names(step)
-                if isinstance(step, Run) and needed.isdisjoint(names) and all(readers.get(name, {0}) <= inside for name in names):
-                    waiting.insert(0, step)
-                    inside.add(id(step))
-            found[id(gaps)] = waiting
-    return found
+    waiting: dict[int, list[Run]] = {}
+    reader: dict[int, int] = {}  # by a step that is run for a sum over gaps only: that sum
+    in_front: set[Arg] = set()  # the names that are read to tell whether there is a line, and where it begins
+    for step in reversed(block):
+        if isinstance(step, Gaps):
+            waiting[id(step)] = []
+            reader |= dict.fromkeys(map(id, steps((step,))), id(step))
+            in_front |= {step.first, step.last, step.lo, step.hi, *step.outer}
+        elif isinstance(step, Run) and in_front.isdisjoint(step.results):
+            sums = {reader.get(other) for name in step.results for other in readers.get(name, {0})}
+            if len(sums) == 1 and (only := sums.pop()) is not None:
+                waiting[only].append(step)
+                reader[id(step)] = only
+    return {key: runs[::-1] for key, runs in waiting.items()}

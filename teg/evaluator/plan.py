@@ -35,10 +35,10 @@ from teg.ir.node import Node, postorder
 from teg.ir.still import has_still, released
 from teg.ir.uncovered import Uncovered
 from teg.maps.diffeomorphism import Diffeomorphism
-from teg.passes.differentiate.edges import along_edges as values_along_edges
+from teg.passes.differentiate.edges import values_along_edges
 from teg.passes.differentiate.estimators.estimator import Estimator
 from teg.passes.differentiate.estimators.ignore import Ignore, ignore_discontinuities
-from teg.passes.differentiate.through_sums import Parameter, along_edges, gradient, on_cells, tangent
+from teg.passes.differentiate.through_sums import Parameter, gradient, on_cells, rates_along_edges, tangent
 from teg.passes.intrinsics import with_loops
 from teg.passes.lower.gaps import Candidate, schedule_matters, schedule_places
 from teg.passes.lower.integrals import About
@@ -338,7 +338,7 @@ class Derivation:
         found: list[Output] = []
         for entry in entries:
             for p, slope in zip(task.wrt, gradient(entry, task.wrt, derive), strict=True):
-                rate = task.computed(tangent(released(slope), direction, along_edges(derive)))
+                rate = task.computed(tangent(released(slope), direction, rates_along_edges(derive)))
                 found.append((p, rate) if isinstance(p, Array) else rate)
         return found
 
@@ -386,7 +386,7 @@ class Plan:
         self.derivation = _derivation(Task(abstract, self.wrt, self.leaves, self.integers, *how, source, tuple(edges.items())))
         self.entries, self.has_loops = flatten(e), self.derivation.has_loops
         self._written: Kept[None, Plan] = Kept(1)
-        self._refused: Kept[Wanted, bool] = Kept()
+        self._refused: Kept[Wanted, str] = Kept()
         self._linked: Kept[tuple[Wanted, int | None, bool, Integration | None], Program] = Kept()
 
     @property
@@ -395,24 +395,30 @@ class Plan:
         return self.derivation.task.follows_edges
 
     def needs_lengths(self, wanted: Wanted) -> bool:
-        """Returns whether candidates, which are followed along their edges in the values, must be written out for these outputs."""
-        if not (wanted.along and self.follows_edges):
-            return False
+        """Returns whether candidates must be written out for these outputs, although values and gradients follow their edges."""
+        return bool(self._why_written_out(wanted))
 
-        def refused() -> bool:
+    def _why_written_out(self, wanted: Wanted) -> str:
+        """Returns the reason why candidates must be written out for these outputs; nothing if they need not be."""
+        if not (wanted.along and self.follows_edges):
+            return ""
+
+        def reason() -> str:
             try:
                 self.derivation.program(wanted)
-            except (Refused, NotDifferentiableError):
-                return True
-            return False
+            except Refused as refused:
+                return refused.reason
+            except NotDifferentiableError as error:
+                return error.what
+            return ""
 
-        return self._refused.get(wanted, refused)
+        return self._refused.get(wanted, reason)
 
-    def _written_out(self) -> Plan:
-        """Returns the plan of the same program with candidates written out, for second derivatives. Raises NeedsLengths."""
+    def _written_out(self, reason: str) -> Plan:
+        """Returns the plan of the same program with candidates written out. Raises NeedsLengths."""
 
         def made() -> Plan:
-            e = without_uncovered(self.expression, "it is differentiated twice")
+            e = without_uncovered(self.expression, reason)
             return Plan(e, self.options, self.wrt, self.leaves, self.integers)
 
         return self._written.get(None, made)
@@ -426,8 +432,8 @@ class Plan:
         self, wanted: Wanted, entry: int | None = None, errors: bool = False, how: Integration | None = None
     ) -> Program | ArrayProgram:
         """Returns the program of all values or of one entry, as `Derivation.program` does, with the bodies of the functions."""
-        if self.needs_lengths(wanted):
-            return self._written_out().program(wanted, entry, errors, how)
+        if reason := self._why_written_out(wanted):
+            return self._written_out(reason).program(wanted, entry, errors, how)
         if not self.functions:
             return self.derivation.program(wanted, entry, errors, how)
 

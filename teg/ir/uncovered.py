@@ -77,7 +77,7 @@ class Gaps(Ranged, Expr):
     the ends of a gap. Where no place matters the term is 0 on every gap, or all is covered.
 
     In a derivative the term may depend on how fast ends move, which the parameters `VELOCITIES` stand for. Then there are more children:
-    the velocities of first and last, and for each border of a candidate a `Where`: a condition that has this border, and its velocity.
+    the velocities of first and last, and that of each border of a candidate, as a `Where` whose condition has this border.
     """
 
     __slots__ = ()
@@ -122,7 +122,7 @@ class Gaps(Ranged, Expr):
 
     @property
     def velocities(self) -> tuple[Where, ...]:
-        """Returns a condition for each border of a candidate, and where it holds the velocity of the border along the line."""
+        """Returns the velocity along the line of each border of a candidate, behind a condition that has this border."""
         return cast("tuple[Where, ...]", self.children[8:])
 
     @property

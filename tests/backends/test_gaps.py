@@ -202,3 +202,15 @@ def test_doubts_are_in_the_estimates(backend: str) -> None:
         assert length == pytest.approx(0.75, abs=1e-15)
         assert 0.0 < error < 1e-13 if not doubt else 1e-6 < error < 1e-5
         assert interpret_arrays(p, [], arrays).outputs[2] == pytest.approx(error, rel=1e-12)
+
+
+@pytest.mark.parametrize("backend", ["c", "numpy"])
+def test_doubts_are_in_the_estimates_of_rates(backend: str) -> None:
+    """What is left of the line is one gap at either side of (0.25, 0.5), whose ends move by 3 and 5: rates of 3 and -5, and of the ends."""
+    p = with_array_error_estimates(moving_program(2))
+    for doubt in (0.0, 1.0):
+        arrays = [np.array([[0.25, 0.5, 0, 1, 0, 0, 0, 0, doubt, 3.0, 5.0]]), np.array([[0.0, 1.0, 0.0, 0.0]]), np.array([0, 1])]
+        (*_, rate, _, _, error), _ = RUNS[backend](p, arrays)
+        assert rate == -2.0
+        assert error == pytest.approx(0.1 * doubt * (3 + 5), abs=1e-13)
+        assert interpret_arrays(p, [], arrays).outputs[-1] == pytest.approx(error, abs=1e-13)

@@ -46,8 +46,7 @@ def processor_time(action: Callable[[], object]) -> float:
 def row(
     name: str, candidates: int, evaluator: teg.Evaluator, given: dict[str, Any], error: Callable[[], float], direction: Any = None
 ) -> Row:
-    """One row; the time of compiling is that of a clock, and without that of the product of the Hessian with a `direction`, if it is
-    asked for."""
+    """One row; the time of compiling is that of a clock. With a `direction` it has those of its product with the Hessian, too."""
     start = time.perf_counter()
     evaluator.value_and_grad(given)  # derives and compiles
     compiled = time.perf_counter() - start
@@ -58,15 +57,19 @@ def row(
         "compile, s": compiled,
         "value, s": processor_time(lambda: evaluator(given)),
         "gradient, s": processor_time(lambda: evaluator.value_and_grad(given)),
-        "Hessian product, s": "" if direction is None else product_time(evaluator, given, direction),
+        **product(evaluator, given, direction),
         "error": error(),
     }
 
 
-def product_time(evaluator: teg.Evaluator, given: dict[str, Any], direction: Any) -> float:
-    """Seconds of the processor of a product with the Hessian, after one that compiles it."""
+def product(evaluator: teg.Evaluator, given: dict[str, Any], direction: Any) -> Row:
+    """The time to derive and compile a product with the Hessian, by a clock, and that of one; of none without a direction."""
+    if direction is None:
+        return {"product, compile, s": "", "product, s": ""}
+    start = time.perf_counter()
     evaluator.hvp(given, direction)
-    return processor_time(lambda: evaluator.hvp(given, direction))
+    compiled = time.perf_counter() - start
+    return {"product, compile, s": compiled, "product, s": processor_time(lambda: evaluator.hvp(given, direction))}
 
 
 def sampled(picture: Callable[[], np.ndarray], exact: Callable[[int], float]) -> float:

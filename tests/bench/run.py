@@ -185,7 +185,8 @@ TABLES: dict[str, tuple[Measurement, str]] = {
     "closed forms": (closed_rows, "Integrals whose antiderivative is known: value and gradient of one element of a batch."),
     "many surfaces": (
         many_rows,
-        "Scenes of many surfaces, and pictures integrated over a third variable. Processor time of one thread; the largest error in a "
+        "Scenes of many surfaces, and pictures integrated over a third variable. Processor time of one thread, without "
+        "compilation; a product is that of the Hessian and a direction; the largest error in a "
         "sample of pixels. The references share nothing with the compiler: a clipper of convex polygons, the sum of the masses of power "
         "cells, a determinant, and the midpoint rule over time or lens, whose own error the last two rows show.",
     ),

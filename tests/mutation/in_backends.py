@@ -236,10 +236,14 @@ IN_BACKENDS: tuple[Mutant, ...] = (
         ("tests/backends/c/test_delayed.py",),
         (
             "what the end of a line is made of",
-            "{gaps.first, gaps.last, gaps.lo, gaps.hi, *gaps.outer}",
-            "{gaps.first, gaps.lo, gaps.hi, *gaps.outer}",
+            "{step.first, step.last, step.lo, step.hi, *step.outer}",
+            "{step.first, step.lo, step.hi, *step.outer}",
         ),
-        ("what others read", "readers.get(name, {0}) <= inside", "readers.get(name, {0}) & inside"),
+        (
+            "what others read",
+            "if len(sums) == 1 and (only := sums.pop()) is not None:",
+            "if sums - {None} and (only := (sums - {None}).pop()) is not None:",
+        ),
     ),
     *mutants(
         "backends/shared/roots.py",

@@ -58,7 +58,7 @@ NEAR = 1e-9
 """How near to a surface, as a part of the size of the box, places are on it where borders run along each other."""
 
 
-def along_edges(root: Expr, derive: Derive) -> dict[Node, Expr]:
+def values_along_edges(root: Expr, derive: Derive) -> dict[Node, Expr]:
     """Returns, for every integral over what is not covered, what it is along the edges of candidates. Raises Refused."""
     return {node: _value(node, derive) for node in postorder([root]) if isinstance(node, Uncovered)}
 

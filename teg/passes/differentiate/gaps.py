@@ -88,8 +88,8 @@ def over_gaps(node: Integral, around: Around, weight: Expr) -> Expr:
     return mul(sign, *signs, cast(Expr, Gaps.make(over, (first, last, covered, tie, where_it_matters, term))))
 
 
-def moved(node: Gaps, rate: Rate) -> Expr:
-    """Returns the derivative of a sum over gaps along a direction. Raises Refused for the derivative of one that has been taken so."""
+def moved_gaps(node: Gaps, rate: Rate) -> Expr:
+    """Returns the derivative of a sum over gaps along a direction. Raises Refused for a sum that is such a derivative itself."""
     if node.is_moving:
         raise Refused("it is differentiated more than twice")
     term = rate(node.term, dict(zip(node.ends, VELOCITIES, strict=True)))

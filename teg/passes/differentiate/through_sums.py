@@ -32,7 +32,7 @@ from teg.ir.simplify import add, mul, positive, sub, where
 from teg.ir.tables import Collected, RowSum, Table, TableEntry, TableUnit
 from teg.ir.uncovered import Gaps, Uncovered
 from teg.passes.differentiate.edges import edges_of, inside_of, with_gaps
-from teg.passes.differentiate.gaps import moved as moved_gaps
+from teg.passes.differentiate.gaps import moved_gaps
 from teg.passes.normalise.choices import without_choices
 from teg.passes.normalise.partitions import Refused
 from teg.passes.normalise.self_comparison import without_self_comparisons
@@ -253,8 +253,9 @@ def tangent(e: Expr, direction: Mapping[Any, object], along: Along, boundaries: 
     return moves(e)
 
 
-def along_edges(derive: Derive) -> Along:
-    """Returns what differentiates a cell along a direction without δ, with sums over gaps for what may be covered. It raises Refused.
+def rates_along_edges(derive: Derive) -> Along:
+    """Returns the function that differentiates a cell along a direction: without δ, and with sums over gaps for what may be covered. The
+    function raises Refused.
 
     Where a term does not count, because it compares a candidate with itself, its derivative does not either, even if it is no number.
     """

@@ -135,10 +135,10 @@ class _Line:
             by_formulas = _roots_of(g, place, self.ends, self.roots, top)
             if when is not None:
                 by_formulas = [out.assign(top, "select", when, p, math.inf) for p in by_formulas]
-            here = by_formulas or self.roots.isolated(_isolation(g, place, self.roots), *self.ends, top, when)
-            found += here
+            roots = by_formulas or self.roots.isolated(_isolation(g, place, self.roots), *self.ends, top, when)
+            found += roots
             if velocities:
-                moving += [out.number(velocities[g], Level(place, top, 1, names={place: p}, block=top.block)) for p in here]
+                moving += [out.number(velocities[g], Level(place, top, 1, names={place: p}, block=top.block)) for p in roots]
         places = [_inside(out, top, p, self.first, self.last) for p in found]
         if moving:
             places, moving = _ascending_with(out, top, places, moving)

@@ -327,14 +327,14 @@ class _ArrayScheduler:
             inner.names.update({node.index: index, FIRST_LAST[0]: first, FIRST_LAST[1]: last})
             gap.names.update(zip((*node.ends, *uncovered.VELOCITIES), (left, right, *moving), strict=False))
             bounds = self._integer(node.lo, level), self._integer(node.hi, level)
-            values = tuple(self._flat(inner, [node.covered, node.tie, *node.velocities], line=node.variable))
-            velocities = values[len(values) - (len(values) - 3) // 4 :] if node.is_moving else ()
+            numbers = tuple(self._flat(inner, [node.covered, node.tie, *node.velocities], line=node.variable))
+            count = 3 * ((len(numbers) - 3) // 4) + 3 if node.is_moving else len(numbers)
+            values, velocities = numbers[:count], numbers[count:]
             terms = tuple(self._level(gap, [n.term for n in group], ()))
             results = tuple(self._fresh("v", level) for _ in group)
-            known = values[: len(values) - len(velocities)]
-            loop = Gaps(index, *bounds, tuple(inner.steps), known, results, node.index.name.split(APART)[0])
-            line = replace(loop, first=first, last=last, left=left, right=right, velocities=velocities, outer=outer, moving=moving)
-            level.steps.append(replace(line, inside=tuple(gap.steps), terms=terms))
+            loop = Gaps(index, *bounds, tuple(inner.steps), values, results, node.index.name.split(APART)[0])
+            line = replace(loop, first=first, last=last, left=left, right=right, inside=tuple(gap.steps), terms=terms)
+            level.steps.append(replace(line, velocities=velocities, outer=outer, moving=moving))
             level.names.update(zip(group, results, strict=True))
 
     def _ends(self, group: Sequence[uncovered.Gaps], level: _Level) -> tuple[Arg, Arg]:

@@ -56,11 +56,11 @@ def over_uncovered(node: Integral) -> Expr:
     if len(bounds) > 2:
         raise Refused("it is over more than two variables")
     whole = add(*(_term(e, bounds) for e in (body.children if isinstance(body, Add) else (body,))))
-    return _with_mark(whole) if has_still(node) else whole
+    return _of_still_conditions(whole) if has_still(node) else whole
 
 
-def _with_mark(e: Expr) -> Expr:
-    """Returns the expression in which integrals over what is not covered say that conditions of the user's do not move."""
+def _of_still_conditions(e: Expr) -> Expr:
+    """Returns the expression in which each integral over what is not covered has a note that conditions of the user's do not move."""
     found = [n for n in postorder([e]) if isinstance(n, Uncovered)]
     return replaced([e], {n: cast(Expr, Uncovered.make((*n.data, True), n.children)) for n in found})[0]
 

@@ -30,6 +30,8 @@ EPSILON = 2.0**-52
 TOUCHING = 4e-6
 """The error of a sum over gaps where borders nearly touch, relative to the sizes of its terms on both halves of the line: crossings are off
 by the square root of a rounding."""
+TOUCHING_RATE = 0.1
+"""The same of its derivative, relative to the sizes of its terms on the gaps: so little is known of how fast these crossings move."""
 CORNERS = 1e-12
 """The error of the corners of cells, relative to the side of the box."""
 
@@ -132,16 +134,19 @@ class _ArrayEstimator:
 
     def _gaps(self, step: Gaps, iterations: Arg, out: list[Step]) -> None:
         """Appends a sum over gaps, whose ends are exact to rounding but where borders nearly touch, and its errors."""
-        sizes = self._on_whole_line(step, out)
+        halves = [] if step.moving else self._on_whole_line(step, out)
         inside = self._block(step.inside, iterations, ROUNDINGS)
         last, errors = self._rounded([(t, ROUNDINGS) for t in step.terms])
+        sizes = tuple(self._fresh() for _ in step.terms) if step.moving else ()
+        last += [Run(_SIZE, (t,), (size,)) for t, size in zip(step.terms, sizes, strict=False)]
         body = tuple(replace(s, program=_finished(s.program)) if isinstance(s, Run) else s for s in step.body)
-        own, doubtful = tuple(self._fresh() for _ in step.results), self._fresh()
-        terms, names = (*step.terms, *errors), (*step.results, *own)
+        own, added, doubtful = tuple(self._fresh() for _ in step.results), tuple(self._fresh() for _ in sizes), self._fresh()
+        terms, names = (*step.terms, *errors, *sizes), (*step.results, *own, *added)
         out.append(replace(step, body=body, inside=(*inside, *last), terms=terms, results=names, doubtful=(doubtful,)))
-        for result, error, (one, other) in zip(step.results, own, sizes, strict=True):
+        doubted: Sequence[tuple[Arg, ...]] = [(size,) for size in added] if step.moving else halves
+        for result, error, parts in zip(step.results, own, doubted, strict=True):
             self.errors[result] = self._fresh()
-            out.append(Run(_DOUBTED, (error, one, other, doubtful), (str(self.errors[result]),)))
+            out.append(Run(_DOUBTED_RATE if step.moving else _DOUBTED, (error, *parts, doubtful), (str(self.errors[result]),)))
 
     def _on_whole_line(self, step: Gaps, out: list[Step]) -> list[tuple[Arg, Arg]]:
         """Appends the terms of both halves of a line, which may cancel on the whole of it. Returns their names."""
@@ -237,6 +242,12 @@ _ROUNDINGS_OF_A_LOOP = _roundings_of_a_loop()
 _LARGER = Program(("factor", "error"), (Assign("v0", "abs", ("p0",)), Assign("v1", "add", ("v0", "p1"))), ("v1",))
 _BEYOND = Program(("larger", "product"), (Assign("v0", "abs", ("p1",)), Assign("v1", "sub", ("p0", "v0"))), ("v1",))
 _MIDDLE = Program(("first", "last"), (Assign("v0", "add", ("p0", "p1")), Assign("v1", "mul", (0.5, "v0"))), ("v1",))
+_SIZE = Program(("term",), (Assign("v0", "abs", ("p0",)),), ("v0",))
+_DOUBTED_RATE = Program(
+    ("error", "sizes", "doubtful"),
+    (Assign("v0", "mul", (TOUCHING_RATE, "p2", "p1")), Assign("v1", "add", ("p0", "v0"))),
+    ("v1",),
+)
 _DOUBTED = Program(
     ("error", "one half", "other half", "doubtful"),
     (

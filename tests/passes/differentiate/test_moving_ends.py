@@ -65,6 +65,16 @@ def test_painted_disks(backend: str) -> None:
         assert f.hvp({"D": rows}, {"D": along})["D"][:, :3] == pytest.approx(expected, abs=1e-8)
 
 
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_borders_that_nearly_touch_are_said(backend: str) -> None:
+    """A disk hides another one but for a sliver, whose ends move by the root of its width: rounding decides how fast."""
+    f = teg.compile(PAINTED, [D], backend=backend)
+    apart = 0.05 + 1e-12
+    rows = np.array([[0.5, 0.5, 0.3, 2.0, 1.0], [0.5 + 0.6 * apart, 0.5 + 0.8 * apart, 0.35, 1.0, 0.2]])
+    with pytest.warns(teg.AccuracyWarning):
+        f.hvp({"D": rows}, {"D": np.ones((2, 5))})
+
+
 def test_two_disks_in_closed_form() -> None:
     """A second derivative of the area, with 15 digits."""
     f = teg.compile(teg.integral(teg.bracket(teg.any(INSIDE, ALL)), *BOX), [D])
@@ -207,3 +217,6 @@ def test_conditions_that_do_not_move() -> None:
     rows = np.array([[0.45, 0.5, 0.3], [0.6, 0.4, 0.25]])
     value, along = f(D=rows), np.ones((2, 3))
     assert f.hvp({"D": rows}, {"D": along})["D"][0, 0] == pytest.approx(2 * value / rows[0, 0] ** 2, rel=1e-12)
+    many = np.full((300, 3), 0.4)
+    with pytest.raises(teg.errors.ArrayIndexError):  # so many cannot be written out
+        f.hvp({"D": many}, {"D": many})
