@@ -195,32 +195,45 @@ def rewrite_conic(g: Expr, coefficient: Expr, chain: Chain, data: Conic) -> Expr
     parts = divided(chain, data.variables)
     if parts is None:
         return None
-    mine, others, boxes = parts
+    _, _, boxes = parts
     place = place_of(g, boxes, data)
     if place is None:
         return rewrite_implicit(g, coefficient, chain, Implicit(data.variables))
-    radius = call("sqrt", call("max", place.square, place.least))
-    curve = _Ellipse(g, coefficient, (mine[0], mine[1]), data, place.centre, radius)
-    turns = [TURN] if marks_of(coefficient) else QUARTERS
-    quarters = nest(where(place.exists, add(*(_quarter(curve, turn) for turn in turns)), ZERO), others)
-    if data.is_certain:
+    quarters = quarters_of(g, coefficient, chain, data, place)
+    if data.is_certain or quarters is None:
         return quarters
     charts = rewrite_implicit(g, coefficient, chain, Implicit(data.variables))
-    return None if charts is None else where(_fits(curve, boxes), quarters, charts)
+    fits = conjunction(_is_no_strip(cast(Squares, data.squares)), is_near(place, boxes, data))
+    return None if charts is None else where(fits, quarters, charts)
 
 
-def _fits(curve: _Ellipse, boxes: Sequence[Binder]) -> Cond:
-    """Returns whether the ellipse is not much larger than its box, nor a strip: its points are c + √κ·Lw, and may cancel otherwise."""
-    (p, q), (r, s) = cast(Squares, curve.data.squares).rows
-    lengths = mul(*(add(integer_power(a, 2), integer_power(b, 2)) for a, b in ((p, q), (r, s))))
-    whole = sub(mul(p, s), mul(q, r))
-    fits = [positive(sub(integer_power(whole, 2), mul(const(LEAST_SINE**2), lengths)))]
-    for b, row in zip(boxes, curve.data.inverse, strict=True):
+def quarters_of(g: Expr, coefficient: Expr, chain: Chain, data: Conic, place: Place) -> Expr | None:
+    """Returns ∫∫ coefficient·δ(g) as integrals over four quarters of an ellipse that is at a place."""
+    parts = divided(chain, data.variables)
+    if parts is None:
+        return None
+    mine, others, _ = parts
+    curve = _Ellipse(g, coefficient, (mine[0], mine[1]), data, place.centre, place.radius)
+    turns = [TURN] if marks_of(coefficient) else QUARTERS
+    return nest(where(place.exists, add(*(_quarter(curve, turn) for turn in turns)), ZERO), others)
+
+
+def is_near(place: Place, boxes: Sequence[Binder], data: Conic) -> Cond:
+    """Returns whether an ellipse is not much larger than its box: its points are c + √κ·Lw, and may cancel otherwise."""
+    fits: list[Cond] = []
+    for b, row in zip(boxes, data.inverse, strict=True):
         middle, extent = mul(const(0.5), add(b.lo, b.hi)), call("magnitude", sub(b.hi, b.lo))
-        reach = [mul(curve.radius, e) for e in row]
-        for e in (*reach, *([] if curve.centre[b.var].free else [sub(curve.centre[b.var], middle)])):
+        reach = [mul(place.radius, e) for e in row]
+        for e in (*reach, *([] if place.centre[b.var].free else [sub(place.centre[b.var], middle)])):
             fits.append(positive(sub(mul(const(LARGEST), extent), call("magnitude", e))))
     return conjunction(*fits)
+
+
+def _is_no_strip(squares: Squares) -> Cond:
+    (p, q), (r, s) = squares.rows
+    lengths = mul(*(add(integer_power(a, 2), integer_power(b, 2)) for a, b in ((p, q), (r, s))))
+    whole = sub(mul(p, s), mul(q, r))
+    return positive(sub(integer_power(whole, 2), mul(const(LEAST_SINE**2), lengths)))
 
 
 @dataclass(frozen=True)
@@ -231,6 +244,11 @@ class Place:
     square: Expr
     least: Expr
     exists: Cond
+
+    @property
+    def radius(self) -> Expr:
+        """√κ."""
+        return call("sqrt", call("max", self.square, self.least))
 
 
 def place_of(g: Expr, boxes: Sequence[Binder], data: Conic) -> Place | None:

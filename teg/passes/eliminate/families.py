@@ -29,6 +29,7 @@ from teg.ir.integral import Delta, Integral, delta, integral_over
 from teg.ir.node import Node, postorder
 from teg.ir.simplify import add, conjunction, mul, nonzero_part, where
 from teg.ir.traverse import fresh, rebuild, rename_apart
+from teg.ir.uncovered import marks_of
 from teg.maps.diffeomorphism import Diffeomorphism, checked_maps
 from teg.passes.eliminate.affine import Affine, match_affine, match_partly_affine, match_turning, rewrite_affine
 from teg.passes.eliminate.bilinear import match_bilinear, rewrite_bilinear
@@ -36,6 +37,7 @@ from teg.passes.eliminate.conic import match_conic, match_squares, rewrite_conic
 from teg.passes.eliminate.crossings import match_curve, rewrite_curve
 from teg.passes.eliminate.implicit import MAX_CHARTS, Implicit, match_implicit, rewrite_by_formulas, rewrite_implicit
 from teg.passes.eliminate.mapped import user_families
+from teg.passes.eliminate.matrix import match_matrix, rewrite_matrix
 from teg.passes.eliminate.steep import Graph, match_steep, rewrite_steep
 from teg.passes.eliminate.univariate import match_solvable, rewrite_solvable
 from teg.passes.normalise.denominators import with_cleared_deltas
@@ -65,6 +67,13 @@ FIRST = "the first family that matches"
 STEEP = "the graph is steep somewhere"
 CURVED = "in one variable only, as the bounds are curved"
 CARRIED = "carried along, as it is differentiated again"
+
+
+def along_edges(families: Families) -> Families:
+    """Returns the families for programs in which candidates cover parts of a curve: where these are ends of arcs, charts by variable have
+    no formula for them. Elsewhere the charts by variable are shorter."""
+    place = next((i for i, (match, _) in enumerate(families) if match is match_implicit), len(families))
+    return (*families[:place], (match_matrix, rewrite_matrix), *families[place:])
 
 
 def noted(form: Closed, name: str, remarks: Remarks) -> Closed:
@@ -198,7 +207,7 @@ class _Elimination:
 
     def __init__(self, root: Expr, keep_moving: bool, families: Families, remarks: Remarks) -> None:
         self.root, self.remarks = root, remarks
-        self.families = families
+        self.families = along_edges(families) if marks_of(root) else families
         self.keep_moving = keep_moving
         self.kept = False
         self.binders = {n.var: Binder(n.var, n.lo, n.hi) for n in postorder([root]) if isinstance(n, Integral)}
