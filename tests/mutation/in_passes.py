@@ -266,10 +266,16 @@ IN_PASSES: tuple[Mutant, ...] = (
         ("tests/passes/eliminate/test_conic.py",),
         (
             "an ellipse much larger than its box",
-            "return None if charts is None else where(_fits(curve, boxes), quarters, charts)",
+            "return None if charts is None else where(fits, quarters, charts)",
             "return quarters",
         ),
         ("bases along an ellipse", "symbols.get(node)", "None"),
+    ),
+    *mutants(
+        "teg/passes/eliminate/matrix.py",
+        ("tests/passes/eliminate/test_matrix.py",),
+        ("a matrix that is not definite", "conjunction(definite, is_near", "conjunction(is_near"),
+        ("a matrix of zeros", "disjunction(negation(curved), conjunction", "disjunction(conjunction"),
     ),
     *mutants(
         "teg/passes/intrinsics/pole/match.py",

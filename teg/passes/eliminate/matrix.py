@@ -9,6 +9,7 @@ the centre, which cancels far from the origin.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import cast
@@ -19,24 +20,26 @@ from teg.analysis.nest import Binder, Chain, divided
 from teg.analysis.polynomial import Shadow, is_null
 from teg.analysis.surfaces import free_of
 from teg.errors import NotDifferentiableError
-from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Const, Expr, Mul, Pow, Var, const
+from teg.ir.expr import MINUS_ONE, ONE, TRUE, ZERO, Add, Const, Expr, Mul, Pow, Var, const
 from teg.ir.simplify import add, call, conjunction, disjunction, div, integer_power, mul, negation, positive, sub, where
 from teg.ir.traverse import substitute
 from teg.passes.eliminate.conic import Conic, Matrix, Place, born, is_near, quarters_of
 from teg.passes.eliminate.implicit import Implicit, rewrite_implicit
 
-LEAST_DETERMINANT = 1e-10
-"""The least 4AC - B², relative to 4AC, of a definite matrix. So much of the digits of its entries is lost."""
+LEAST_DETERMINANT = 1e-6
+"""The least 4AC - B², relative to 4AC, of a matrix that is taken for a definite one: its digits are lost by that factor."""
 
 
 @dataclass(frozen=True)
 class Form:
-    """g is A·u² + B·u·v + C·v² + level, u and v affine in the variables: where they are 0, and their derivatives by these."""
+    """g is A·u² + B·u·v + C·v² + level, u and v affine in the variables: where they are 0, and their derivatives by these. `is_written`
+    says that g has no other terms whatever its coefficients are: without entries it is constant, and not a line."""
 
     centre: Mapping[Var, Expr]
     rows: Matrix
     entries: tuple[Expr, Expr, Expr]
     level: Expr
+    is_written: bool
 
 
 @dataclass(frozen=True)
@@ -67,14 +70,12 @@ def match_matrix(g: Expr, variables: Sequence[Var]) -> ByMatrix | None:
 
 
 def _sign(e: Expr) -> float:
-    """Returns the sign that an expression is written with; 0 for a number that is 0."""
-    first = e
-    while isinstance(first, Add):
-        first = first.children[0]
-    number = 1.0
-    for factor in first.children if isinstance(first, Mul) else (first,):
-        number *= float(factor.data) if isinstance(factor, Const) else 1.0
-    return (number > 0.0) - (number < 0.0)
+    """Returns the sign that all terms of an expression are written with; 0 if there is none, as in a difference."""
+    signs: set[bool] = set()
+    for term in e.children if isinstance(e, Add) else (e,):
+        numbers = [float(factor.data) for factor in (term.children if isinstance(term, Mul) else (term,)) if isinstance(factor, Const)]
+        signs.add(math.prod(numbers) > 0.0)
+    return 0.0 if len(signs) > 1 or e is ZERO else 1.0 if signs == {True} else -1.0
 
 
 def rewrite_matrix(g: Expr, coefficient: Expr, chain: Chain, data: ByMatrix) -> Expr | None:
@@ -90,7 +91,7 @@ def rewrite_matrix(g: Expr, coefficient: Expr, chain: Chain, data: ByMatrix) -> 
     definite = positive(sub(determinant, mul(const(LEAST_DETERMINANT), products)))
     conic = Conic(data.variables, 1.0, _inverse(form, determinant))
     above = born(g, mul(MINUS_ONE, a, form.level), 1.0)
-    curved = positive(add(*(call("magnitude", e) for e in form.entries)))  # else it is a row of zeros, which has no curve
+    curved = positive(add(*(call("magnitude", e) for e in form.entries))) if form.is_written else TRUE  # a row of zeros has no curve
     place = Place(form.centre, call("magnitude", form.level), above.least, conjunction(curved, above.exists))
     quarters = quarters_of(g, coefficient, chain, conic, place)
     is_one = disjunction(negation(curved), conjunction(definite, is_near(place, parts[2], conic)))
@@ -118,7 +119,7 @@ def form_of(g: Expr, boxes: Sequence[Binder]) -> Form | None:
         if critical is None:
             return None
         a, b, c = (mul(const(n), slope(slope(g, v), w)) for n, v, w in ((0.5, x, x), (1.0, x, y), (0.5, y, y)))
-        return Form(critical.point, ((ONE, ZERO), (ZERO, ONE)), (a, b, c), critical.value)
+        return Form(critical.point, ((ONE, ZERO), (ZERO, ONE)), (a, b, c), critical.value, False)
     (u, v), entries, level = found
     (ux, uy), (vx, vy) = rows = (slope(u, x), slope(u, y)), (slope(v, x), slope(v, y))
     whole = sub(mul(ux, vy), mul(uy, vx))
@@ -126,7 +127,7 @@ def form_of(g: Expr, boxes: Sequence[Binder]) -> Form | None:
         return None
     s, t = (cast(Expr, substitute(e, {x: ZERO, y: ZERO})) for e in (u, v))
     centre = {x: div(sub(mul(uy, t), mul(vy, s)), whole), y: div(sub(mul(vx, s), mul(ux, t)), whole)}
-    return Form(centre, rows, entries, level)
+    return Form(centre, rows, entries, level, True)
 
 
 def _written(g: Expr, variables: tuple[Var, Var]) -> tuple[tuple[Expr, Expr], tuple[Expr, Expr, Expr], Expr] | None:
