@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple, cast
 
 from teg.analysis.calculus import slope
-from teg.analysis.half_angle import in_half_angle
+from teg.analysis.half_angle import in_half_angle, without_denominator
 from teg.analysis.isolation import isolate
 from teg.analysis.polynomial import Shadow
 from teg.analysis.roots import solve
@@ -74,7 +74,7 @@ def over_gaps(node: Integral, around: Around, weight: Expr) -> Expr:
     (cell, tie, *several) = symbols.into([cast(Expr, c) for c in (around.condition, around.tie, around.within, *matters)])
     on_line = _OnLine(cast(Cond, cell), tie, weight, cast("tuple[Cond, ...]", tuple(several)))
     by_half_angle = _by_half_angle(on_line, s) if _turns_less_than_once(lo, hi) else None
-    condition, tie, weight, some = by_half_angle or on_line
+    condition, tie, weight, some = by_half_angle or _without_denominators(on_line, s)
     _check_roots([atom.g for atom in atoms_of(condition, s)], s)
     order = ordered(lo, hi)
     first, last = (lo, hi) if order > 0 else (hi, lo) if order < 0 else (call("min", lo, hi), call("max", lo, hi))
@@ -171,6 +171,23 @@ class _OnLine(NamedTuple):
     tie: Expr
     weight: Expr
     matters: tuple[Cond, ...]
+
+
+def _without_denominators(on_line: _OnLine, s: Var) -> _OnLine:
+    """Returns the same with polynomials in conditions where these have powers of one positive denominator."""
+
+    def visit(_: Node, new: Node) -> Node:
+        polynomial = without_denominator(new.g, s) if isinstance(new, Compare) and s in new.free else None
+        return (
+            new
+            if polynomial is None
+            else positive(polynomial, cast(Compare, new).strict, cast(Compare, new).resolution, cast(Compare, new).rivals)
+        )
+
+    conditions = (on_line.condition, *on_line.matters)
+    found = rewrite(conditions, visit)
+    condition, *matters = (cast(Cond, found[c]) for c in conditions)
+    return on_line._replace(condition=condition, matters=tuple(matters))
 
 
 def _by_half_angle(on_arc: _OnLine, angle: Var) -> _OnLine | None:

@@ -33,6 +33,7 @@ from teg.ir.uncovered import marks_of
 from teg.maps.diffeomorphism import Diffeomorphism, checked_maps
 from teg.passes.eliminate.affine import Affine, match_affine, match_partly_affine, match_turning, rewrite_affine
 from teg.passes.eliminate.bilinear import match_bilinear, rewrite_bilinear
+from teg.passes.eliminate.circle import match_circle, rewrite_circle
 from teg.passes.eliminate.conic import match_conic, match_squares, rewrite_conic
 from teg.passes.eliminate.crossings import match_curve, rewrite_curve
 from teg.passes.eliminate.implicit import MAX_CHARTS, Implicit, match_implicit, rewrite_by_formulas, rewrite_implicit
@@ -73,7 +74,7 @@ def along_edges(families: Families) -> Families:
     """Returns the families for programs in which candidates cover parts of a curve: where these are ends of arcs, charts by variable have
     no formula for them. Elsewhere the charts by variable are shorter."""
     place = next((i for i, (match, _) in enumerate(families) if match is match_implicit), len(families))
-    return (*families[:place], (match_matrix, rewrite_matrix), *families[place:])
+    return (*families[:place], (match_circle, rewrite_circle), (match_matrix, rewrite_matrix), *families[place:])
 
 
 def noted(form: Closed, name: str, remarks: Remarks) -> Closed:

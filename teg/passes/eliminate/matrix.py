@@ -113,7 +113,7 @@ def _inverse(form: Form, determinant: Expr) -> Matrix:
 def form_of(g: Expr, boxes: Sequence[Binder]) -> Form | None:
     """Returns the form of a quadratic in the two variables of a box; None if it has no centre."""
     x, y = (b.var for b in boxes)
-    found = _written(g, (x, y))
+    found = written_form(g, (x, y))
     if found is None:
         critical = critical_point(g, boxes)
         if critical is None:
@@ -130,7 +130,7 @@ def form_of(g: Expr, boxes: Sequence[Binder]) -> Form | None:
     return Form(centre, rows, entries, level, True)
 
 
-def _written(g: Expr, variables: tuple[Var, Var]) -> tuple[tuple[Expr, Expr], tuple[Expr, Expr, Expr], Expr] | None:
+def written_form(g: Expr, variables: tuple[Var, Var]) -> tuple[tuple[Expr, Expr], tuple[Expr, Expr, Expr], Expr] | None:
     """Returns both affine functions in whose products a quadratic is written, the coefficients of these, and what is without variables."""
     bases: list[Expr] = []
     entries: list[list[Expr]] = [[], [], []]
