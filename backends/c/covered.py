@@ -165,7 +165,7 @@ def _inside(runs: CoveredRuns, point: Point) -> list[str]:
         *packed(f"const teg_lanes_8 c{i} = *(const teg_lanes_8 *)(b{i} + k);" for i in read),
         *packed(f"const double c{i} = {name};" for i, name in runs.inputs.items() if i not in read),
         "{",
-        *indent(*text, *packed(f"sum_{m} += {moving[m]};" for m in sums)),
+        *indent(*text, *packed(_added(f"sum_{m}", moving[m]) for m in sums)),
         "}",
     ]
     row = [f"const int64_t {runs.row} = first + row;", *runs.outer] if runs.row else []
@@ -201,3 +201,8 @@ def _inside(runs: CoveredRuns, point: Point) -> list[str]:
         *([f"for (int k = 0; k < {SIDE}; k++) {{", *indent(*packed(again)), "}"] if again else ["(void)groups;"]),
         "return more;",
     ]
+
+
+def _added(total: str, term: str | tuple[str, str] | None) -> str:
+    """Returns a line that adds a term to a sum of numbers side by side; a pair is a product."""
+    return f"{total} = teg_fma_8({term[0]}, {term[1]}, {total});" if isinstance(term, tuple) else f"{total} += {term};"

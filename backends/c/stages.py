@@ -7,6 +7,7 @@ by a function of their own, once for all that wait in queues: several straight l
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Collection, Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -40,10 +41,11 @@ class Inside(NamedTuple):
 
 class Point(NamedTuple):
     """A straight line without sums over nodes for a loop over points. `inputs` are the numbers of the inputs that vary, which are called c;
-    `printed` gives its lines of C, and its outputs in C (None: 0), if the inputs with these numbers are `teg_lanes_8`."""
+    `printed` gives its lines of C, and its outputs in C (None: 0), if the inputs with these numbers are `teg_lanes_8`. An output that is
+    the product of two values is this pair."""
 
     inputs: list[int]
-    printed: Callable[[Collection[int]], tuple[list[str], list[str | None]]]
+    printed: Callable[[Collection[int]], tuple[list[str], list[str | tuple[str, str] | None]]]
 
 
 class Functions(NamedTuple):
@@ -152,12 +154,25 @@ class _Stages:
                 if isinstance(item, Nodes) and self.stage[item.sums[0]] == number + 1:
                     yield from self._nodes(item)
 
-    def point(self, steady: Mapping[str, str], side_by_side: Collection[int]) -> tuple[list[str], list[str | None]]:
-        """Returns the lines of a point, or of eight if some inputs are `side_by_side`, and the outputs."""
+    def point(
+        self, steady: Mapping[str, str], side_by_side: Collection[int]
+    ) -> tuple[list[str], list[str | tuple[str, str] | None]]:
+        """Returns the lines of a point, or of eight if some inputs are `side_by_side`, and the outputs, of which products that nothing else
+        reads are pairs."""
         self.places.update(steady)
+        outputs = self.found.outputs
         block = [s for s in self.found.items if isinstance(s, Assign) and s.name in self.lanes]
-        scope, text = self._written(block, values_in_lanes(block, {f"p{i}" for i in side_by_side}))
-        return text, [None if o == 0.0 else scope(o) for o in self.found.outputs]
+        block = contracted(block, outputs, self.exact)
+        lanes = values_in_lanes(block, {f"p{i}" for i in side_by_side})
+        uses = Counter(a for a in (*outputs, *(a for s in block for a in s.args)))
+        pairs = {s.name: s.args for s in block if s.op == "mul" and len(s.args) == 2 and s.name in lanes and uses[s.name] == 1}
+        pairs = {name: args for name, args in pairs.items() if name in outputs}
+        block = [replace(s, op="teg_fma_8") if s.op == "fma" and s.name in lanes else s for s in block if s.name not in pairs]
+        made = {s.name for s in block}
+        own = [o for o in dict.fromkeys(a for o in outputs for a in pairs.get(o, (o,))) if isinstance(o, str)]
+        frame = self._framed(_steps(_late(block, [o for o in own if o in made])), own, self.places, lanes)
+        text, scope = frame.block(0), frame.scope()
+        return text, [None if o == 0.0 else (scope(pairs[o][0]), scope(pairs[o][1])) if o in pairs else scope(o) for o in outputs]
 
     def without(self, some: Iterable[Item]) -> list[Item]:
         """Returns the other items."""
@@ -178,13 +193,13 @@ class _Stages:
         frame.count = self._count  # names differ in all stages
         return frame
 
-    def _written(self, block: Sequence[Assign], lanes: Collection[Arg] = ()) -> tuple[Scope, list[str]]:
-        """Returns the lines that compute a block, and the scope in which the outputs are spelled. Values in `lanes` are `teg_lanes_8`."""
+    def _written(self, block: Sequence[Assign]) -> tuple[Scope, list[str]]:
+        """Returns the lines that compute a block, and the scope in which the outputs are spelled."""
         outputs = [o for o in dict.fromkeys((*self.found.outputs, self.found.good)) if isinstance(o, str)]
         names = {s.name for s in block}
         own = [o for o in outputs if o in self.places or o in names]
-        block = block if lanes else contracted(block, own, self.exact)
-        frame = self._framed(_steps(_late(block, [o for o in own if o in names])), own, self.places, lanes)
+        block = contracted(block, own, self.exact)
+        frame = self._framed(_steps(_late(block, [o for o in own if o in names])), own, self.places)
         text = frame.block(0)
         return frame.scope(), text
 
