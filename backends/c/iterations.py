@@ -24,10 +24,6 @@ BY_VALUE = 120
 class IterationPrinter(WaitingPrinter):
     """Prints loops inside other loops, and the iterations of all."""
 
-    def __init__(self, program: ArrayProgram) -> None:
-        super().__init__(program)
-        self.trials: list[str] | None = None  # declarations of what is counted in the chunk that is printed
-
     def _loop(self, step: Loop, depth: int) -> list[str]:
         """Returns a loop inside another one."""
         carried = any(q.carrier is step for q in self.queues.values())
@@ -63,8 +59,8 @@ class IterationPrinter(WaitingPrinter):
                 self.later[id(step.body[cut])] = side_by_side.later()
                 shorter = side_by_side.with_empty_ones(shorter, hi)
             inside += [*self._block(step.body[:cut], depth), *shorter, *waits, *self._block(step.body[cut:], depth), *added]
-            if side_by_side and self.trials is not None:
-                self.trials.append(side_by_side.tried_so_far())
+            if side_by_side and self.chunk is not None:
+                self.chunk.append(side_by_side.tried_so_far())
                 return side_by_side.lines(lo, hi, inside)
         else:
             inside += [*self._block(step.body, depth, decisive(step)), *added]
@@ -73,7 +69,7 @@ class IterationPrinter(WaitingPrinter):
     def _squares(self, step: Loop, cut: int, depth: int) -> SideBySide | None:
         """Returns what prints the iterations of a loop with cells eight side by side, if they may be."""
         cells, squares = step.body[cut], match_squares(step, self.routines)
-        if squares is None or self.trials is None or not isinstance(cells, Cells) or self._in_lanes(step) or step.listed >= 0:
+        if squares is None or self.chunk is None or not isinstance(cells, Cells) or self._in_lanes(step) or step.listed >= 0:
             return None
         return SideBySide(squares, self._shape(cells), lambda steps: self._block([*map(self._straightened, steps)], depth))
 

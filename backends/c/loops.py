@@ -245,9 +245,9 @@ class _ArrayPrinter(IterationPrinter):
 
     def _in_chunk(self, step: Loop, targets: Sequence[int | str]) -> list[str]:
         """Returns the iterations of a chunk, which scatter into its own copies."""
-        self.copied, self.trials = frozenset(targets), []
+        self.copied, self.chunk = frozenset(targets), []
         lines = self._iterations(step, "first", "last", 1)
-        lines, self.copied, self.trials = [*self.trials, *lines], frozenset(), None
+        lines, self.copied, self.chunk = [*self.chunk, *lines], frozenset(), None
         return lines
 
     # -- the batch -----------------------------------------------------------------------------------------------------

@@ -20,6 +20,7 @@ class WaitingPrinter(StepPrinter):
         super().__init__(program)
         self.straights: dict[int, Straight] = {}  # of the only flat program of an innermost loop
         self.queues: dict[int, Queue] = {}  # of such a flat program
+        self.chunk: list[str] | None = None  # declarations of the chunk that is printed
 
     def _straight_of(self, queue: Queue) -> Straight:
         """Returns the functions of what waits in a queue."""
@@ -27,18 +28,20 @@ class WaitingPrinter(StepPrinter):
 
     def _opened(self, queue: Queue) -> list[str]:
         """Returns the declaration of a queue, with what is the same for all that waits in it."""
-        straight = self._straight_of(queue)
-        lines = queue.opened(straight.crossed.apart if straight.crossed else 0)
+        straight, apart = self._straight_of(queue), self._apart(queue)
+        room = [queue.room(apart)]
+        lines = queue.opened(apart)
         for name, staged in (("same", straight.crossed), ("alike", straight.covered)):
             if staged is not None:
                 given = [spelled(queue.run.inputs[i]) for i in staged.steady.inputs]
                 lines.append(f"double {name}_{queue.name}[{staged.kept}];")
                 lines.append(f"{staged.steady.name}({', '.join([*given, f'{name}_{queue.name}'])});")
         if straight.covered is not None:
-            lines += [
-                f"double simple_{queue.name}[{max(1, len(differing(queue, straight.covered)))}][{SIDE}] = {{{{0.0}}}};",
-                f"int plain_{queue.name} = 0;",
-            ]
+            room.append(f"double simple_{queue.name}[{max(1, len(differing(queue, straight.covered)))}][{SIDE}] = {{{{0.0}}}};")
+            lines.append(f"int plain_{queue.name} = 0;")
+        if self.chunk is None:
+            return [*room, *lines]
+        self.chunk += room  # numbers that nothing waits for any more do no harm
         return lines
 
     def _emptied(self, queue: Queue) -> list[str]:
@@ -96,7 +99,13 @@ class WaitingPrinter(StepPrinter):
 
         def one_by_one(*lines: str) -> list[str]:
             inside = ["if (good[k] != 0.0) continue;", declaration, *inputs, *call, *lines]
-            return ["for (int k = 0; k < waiting; k++) {", *indent(*inside), "}"]
+            return [
+                "int left = 0;",
+                f"for (int k = 0; k < {SIDE}; k++) left |= (k < waiting) & (good[k] == 0.0);",
+                "for (int k = 0; left && k < waiting; k++) {",
+                *indent(*inside),
+                "}",
+            ]
 
         if not queue.after:
             return [
