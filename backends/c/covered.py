@@ -110,16 +110,17 @@ class CoveredRuns(NamedTuple):
         ]
 
 
-def covered_runs(runs: CoveredRuns, point: Point) -> str:
+def covered_runs(runs: CoveredRuns, point: Point, grouped: bool) -> str:
     """Returns the C function @: it adds up what iterations starts[row] + from … ends[row] of rows give, in groups of SIDE and at most PIECE
-    of them, and returns whether a run goes on behind that."""
+    of them, and returns whether a run goes on behind that. `grouped`: as in `Staged`."""
     known = {k: width for k, (_, _, width) in runs.arrays.items() if width is not None}
     rows = ["int64_t first", "int rows"] if runs.row else []
-    common = ["const double *starts", "const double *ends", "int64_t from", "const double *s", f"double (*restrict lanes)[{SIDE}]"]
+    shared = ["const double *s", *(["const double *m"] if grouped else [])]
+    common = ["const double *starts", "const double *ends", "int64_t from", *shared, f"double (*restrict lanes)[{SIDE}]"]
     arrays = [d for k, (kind, _, _) in runs.arrays.items() for d in (f"const {kind} *a{k}", f"const int64_t *{_shape(k, known)}{k}")]
     widths = [f"int64_t width{k}" for k in known]
     given = [*arrays, *runs.given, *rows, *common]
-    inside = [*_shapes(runs, known), *_inside(runs, point)]
+    inside = [*_shapes(runs, known), *(["(void)m;"] if grouped else []), *_inside(runs, point)]
     if not known:
         return wrapped([f"TEG_EIGHT int @({', '.join(given)})", "{", *indent(*inside), "}"])
     passed = [declared.split("*")[-1].split()[-1] for declared in given[:-1]] + ["lanes"]

@@ -50,10 +50,12 @@ class Point(NamedTuple):
 
 class Functions(NamedTuple):
     """The insides of C functions. `steady` writes what is the same at all points to an array s of `kept` numbers, inputs among it; each of
-    `lines` computes eight points with it. Its inputs are those that vary, arrays q. `point` is the inside of a loop over points."""
+    `lines` computes eight points with it. Its inputs are those that vary, arrays q. `point` is the inside of a loop over points. If
+    `steady` is for eight groups of points, `kept` is what one has, and the last `conditions` of these are read from an array m."""
 
     steady: Inside
     kept: int
+    conditions: int
     lines: list[Inside]
     point: Point | None = None
 
@@ -87,29 +89,30 @@ def totals(found: Crossed, sums: Sequence[int]) -> Written:
     return lines
 
 
-def functions(lines: Sequence[Crossed], varying: Container[int], writing: Writing, point: Crossed | None = None) -> Functions:
+def functions(
+    lines: Sequence[Crossed], varying: Container[int], writing: Writing, point: Crossed | None = None, groups: Container[int] | None = None
+) -> Functions:
     """Returns the functions of straight lines of one program, and the lines of a `point`, another one without sums over nodes. Inputs in
-    `varying` differ between points."""
+    `varying` differ between points. If what is the same at all points is computed for eight groups of them, inputs in `groups` differ
+    between these."""
     found = alike([regrouped(line, varying) for line in (*lines, *([] if point is None else [point]))], varying)
     stages = [_Stages(line, varying, "q{}[k]" if n < len(lines) else "c{}") for n, line in enumerate(found)]
     constant = list({s.name: s for stage in stages for s in stage.constant}.values())
     wanted = set[Arg]().union(*(stage.moving for stage in stages))
     same = [f"p{i}" for i in parameter_numbers(wanted) if i not in varying]
-    steady, places, kept = _steady(constant, [*same, *(s.name for s in constant if s.name in wanted)])
+    given = [*same, *(s.name for s in constant if s.name in wanted)]
+    steady, places, kept = _steady(constant, given) if groups is None else _steady_of_groups(constant, given, groups)
     inputs = [[i for i in parameter_numbers(stage.moving) if i in varying] for stage in stages]
     made = [Inside(list(stages[n].lines(writing(stages[n].found), places)), inputs[n]) for n in range(len(lines))]
     inside = Inside(steady, parameter_numbers([*same, *(a for s in constant for a in s.args)]))
-    return Functions(inside, kept, made, Point(inputs[-1], partial(stages[-1].point, places)) if point is not None else None)
+    return Functions(inside, kept, sum(map(is_condition, given)), made, Point(inputs[-1], partial(stages[-1].point, places)) if point is not None else None)
 
 
 def _steady(constant: Sequence[Assign], given: Sequence[str]) -> tuple[list[str], dict[str, str], int]:
     """Returns the lines that write given values to an array, where each stands there, and how many numbers that is. Conditions stand there
     once for each point: C compilers make a mask of one by a dozen operations."""
     numbers, conditions = ([name for name in given if is_condition(name) is of] for of in (False, True))
-    inputs = {str(a): str(a) for a in (*given, *(a for s in constant for a in s.args)) if is_parameter(a)}
-    made = [name for name in given if not is_parameter(name)]
-    frame = _framed(_steps(_late(constant, made)), given, inputs)
-    lines, scope = frame.block(0), frame.scope()
+    lines, scope = _made(constant, given)
     lines += in_few_lines(f"s[{i}] = {scope(name)};" for i, name in enumerate(numbers))
     places = {name: f"s[{i}]" for i, name in enumerate(numbers)}
     for i, name in enumerate(conditions):
@@ -117,6 +120,30 @@ def _steady(constant: Sequence[Assign], given: Sequence[str]) -> tuple[list[str]
         lines.append(f"for (int k = 0; k < {SIDE}; k++) s[{at} + k] = {scope(name)};")
         places[name] = f"(s[{at} + k] != 0.0)"
     return lines, places, len(numbers) + SIDE * len(conditions)
+
+
+def _steady_of_groups(
+    constant: Sequence[Assign], given: Sequence[str], groups: Container[int]
+) -> tuple[list[str], dict[str, str], int]:
+    """Returns the lines that write given values of eight groups to an array, side by side, how each is spelled if s begins with those of a
+    group, and how many there are. Conditions stand once for each point in an array m."""
+    numbers, conditions = ([name for name in given if is_condition(name) is of] for of in (False, True))
+    lines, scope = _made(constant, given)
+    inputs = parameter_numbers([*given, *(a for s in constant for a in s.args)])
+    there = [f"const double p{i} = q{i}[k];" for i in inputs if i in groups]
+    written = [f"s[{SIDE * i} + k] = {scope(name)};" for i, name in enumerate(numbers)]
+    written += [f"s[{SIDE * i} + k] = {scope(name)} ? 1.0 : 0.0;" for i, name in enumerate(conditions, len(numbers))]
+    loop = [f"for ({TRUTH} k = 0; k < {SIDE}; k++) {{", *indent(*in_few_lines(there), *lines, *in_few_lines(written)), "}"]
+    places = {name: f"s[{SIDE * i}]" for i, name in enumerate(numbers)}
+    places |= {name: f"(m[{SIDE * i} + k] != 0.0)" for i, name in enumerate(conditions)}
+    return loop, places, len(given)
+
+
+def _made(constant: Sequence[Assign], given: Sequence[str]) -> tuple[list[str], Scope]:
+    """Returns the lines that compute given values, and the scope in which they are spelled."""
+    inputs = {str(a): str(a) for a in (*given, *(a for s in constant for a in s.args)) if is_parameter(a)}
+    frame = _framed(_steps(_late(constant, [name for name in given if not is_parameter(name)])), given, inputs)
+    return frame.block(0), frame.scope()
 
 
 class _Stages:
