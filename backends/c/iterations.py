@@ -7,29 +7,23 @@ from dataclasses import replace
 
 from teg.backends.c.covered import PIECE, CoveredRuns, covered_runs
 from teg.backends.c.eights import SideBySide, match_squares
-from teg.backends.c.groups import Around, for_each, function, passed, read_by
+from teg.backends.c.groups import GroupPrinter
 from teg.backends.c.lanes import SIDE, decisive_branch
-from teg.backends.c.spans import HELD, LINES, PLACES, Rows, prefetched, rows_of
-from teg.backends.c.spans import function as spans_function
-from teg.backends.c.steps import array_of, named
-from teg.backends.c.queues import Queue
-from teg.backends.c.straights import Staged, Straight
+from teg.backends.c.spans import HELD, LINES, PLACES, Rows, function, prefetched, rows_of
+from teg.backends.c.steps import array_of, named, needed, only_run
+from teg.backends.c.straights import Straight
 from teg.backends.c.text import indent, packed, spelled
-from teg.backends.c.waiting import WaitingPrinter, differing, shared_by
+from teg.backends.c.waiting import differing, shared_by
 from teg.program import without_branches
-from teg.program.arrays import Arg, ArrayProgram, Cells, Integers, Load, Loop, Number, Run, Scatter, Step, steps
+from teg.program.arrays import Cells, Integers, Load, Loop, Number, Run, Scatter, Step
 from teg.program.fields import operands, result_names
 
 BY_VALUE = 120
 """Inputs of a flat program that are C arguments: it is called in one place, and inlined there."""
 
 
-class IterationPrinter(WaitingPrinter):
+class IterationPrinter(GroupPrinter):
     """Prints loops inside other loops, and the iterations of all."""
-
-    def __init__(self, program: ArrayProgram) -> None:
-        super().__init__(program)
-        self.around: dict[int, Around] = {}  # loops of which eight iterations are begun and ended side by side
 
     def _loop(self, step: Loop, depth: int) -> list[str]:
         """Returns a loop inside another one."""
@@ -75,91 +69,6 @@ class IterationPrinter(WaitingPrinter):
             inside += [*self._block(step.body, depth, decisive(step)), *added]
         return [f"for (int64_t {step.index} = {lo}; {step.index} < {hi}; {step.index}++) {{", *indent(*inside), "}"]
 
-    def _eight_at_once(self, around: Around, lo: str, hi: str, depth: int) -> list[str]:
-        """Returns the iterations of a loop around a carrier, of which eight are begun and ended side by side."""
-        step, carrier, columns = around.loop, around.carrier, around.columns()
-        queue = next(q for q in self.queues.values() if q.carrier is carrier)
-        first, count, at = f"{step.index}_first", f"{step.index}_count", around.at
-        shared = {array: s for array, s in zip(("same", "alike"), self._staged_of(queue), strict=True) if s}
-        begun, begun_reads = self._runs_of_eight(around.before, columns)
-        ended, ended_reads = self._runs_of_eight(around.after, columns)
-        for array, staged in shared.items():
-            given = [queue.run.inputs[i] for i in staged.steady.inputs]
-            begun.append(f"double {array}_{queue.name}_eight[{SIDE * staged.kept}];")
-            begun.append(f"{staged.steady.name}({', '.join([*passed(given, columns), f'{array}_{queue.name}_eight'])});")
-            begun_reads.update(given)
-        named, by_place = self._read_in(carrier, queue)
-        scattered = [s for s in around.after if isinstance(s, Scatter)]
-        values = {*(s.value for s in scattered), *step.values}
-        wanted = begun_reads | ended_reads | named | by_place | values
-        read = [s.name for s in around.read if isinstance(s, Load | Number) and s.name in wanted]
-        place = {name: f"{text}[{at}]" for name, text in columns.items()}
-        gathered = [*self._block(_needed(around.read, set(read)), depth), *packed(f"{name}_eight[k] = {name};" for name in read)]
-        self.places, self.at = {name: place[name] for name in around.made - named}, at
-        inside = [
-            *self._block(_needed(around.integers, named), depth),
-            *packed(f"const double {name} = {place[name]};" for name in sorted(named & around.made)),
-            *self._block([carrier], depth),
-            *packed(f"{place[name]} = {name};" for name in carrier.results),
-        ]
-        self.places, self.at = {}, ""
-        ending = [
-            *self._block(_needed(around.integers, read_by(scattered)), depth),
-            *packed(f"const double {name} = {place[name]};" for name in place if name in values),
-            *self._block(scattered, depth),
-            *self._added(step),
-        ]
-        arrays = packed([f"{name}_eight[{SIDE}]" for name in (*read, *carrier.results)], "double ", ", ", ";")
-        return [
-            f"for (int64_t {first} = {lo}; {first} < {hi}; {first} += {SIDE}) {{",
-            *indent(
-                "if (teg_stopped(pace)) break;",
-                f"const int {count} = {hi} - {first} < {SIDE} ? (int)({hi} - {first}) : {SIDE};",
-                *arrays,
-                *for_each(around, "k", *gathered, repeated=True),
-                *begun,
-                *for_each(around, at, *inside),
-                *packed(
-                    f"for (int k = {count}; k < {SIDE}; k++) {name}_eight[k] = 0.0;" for name in carrier.results if name in ended_reads
-                ),
-                *ended,
-                *for_each(around, at, *ending),
-            ),
-            "}",
-        ]
-
-    def _staged_of(self, queue: Queue) -> tuple[Staged | None, Staged | None]:
-        """Returns the functions of what waits in a queue: those that surfaces cross, and those with a simple value."""
-        straight = self._straight_of(queue)
-        return straight.crossed, straight.covered
-
-    def _runs_of_eight(self, block: Sequence[Step], columns: dict[Arg, str]) -> tuple[list[str], set[Arg]]:
-        """Returns lines that run the flat programs of a block for eight iterations side by side, and what these read."""
-        lines: list[str] = []
-        reads: set[Arg] = set()
-        for run in block:
-            if not isinstance(run, Run) or id(run) in self.idle:
-                continue
-            text, inputs = function(run.program, [i for i, arg in enumerate(run.inputs) if arg in columns])
-            given = [run.inputs[i] for i in inputs]
-            array = f"{array_of(run)}_eight"
-            lines.append(f"double {array}[{SIDE * len(run.results)}];")
-            lines.append(f"{self.printer.once('eight', text).name}({', '.join([*passed(given, columns), array])});")
-            reads.update(given)
-        return lines, reads
-
-    def _read_in(self, carrier: Loop, queue: Queue) -> tuple[set[Arg], set[Arg]]:
-        """Returns the names that a carrier reads, and numbers that it reads where they lie."""
-        only = next(run for run, q in ((s, self.queues.get(id(s))) for s in steps(carrier.body) if isinstance(s, Run)) if q is queue)
-        inside = [s for s in steps(carrier.body) if not isinstance(s, Run)]
-        narrow = self.straights[id(only)].narrow
-        given = {*queue.run.inputs, *(only.inputs[i] for i in (narrow.inputs if narrow else ()))}
-        named = {a for s in (carrier, *inside) for a in operands(s)}
-        rows = rows_of(carrier, self.idle)
-        if not (self.straights[id(only)].spanned and rows is not None and self._spanned(carrier, rows.row)):
-            named |= {*only.inputs, *given}
-        return named, given - named
-
     def _squares(self, step: Loop, cut: int, depth: int) -> SideBySide | None:
         """Returns what prints the iterations of a loop with cells eight side by side, if they may be."""
         cells, squares = step.body[cut], match_squares(step, self.routines)
@@ -176,12 +85,6 @@ class IterationPrinter(WaitingPrinter):
         self.by_moments.append((run,))  # keeps what `routines` knows by its identity
         return run
 
-    def _spanned(self, step: Loop, row: Loop) -> Run | None:
-        """Returns the flat program of the loop `row` inside of `step` if its spans are known, and its queue is kept from row to row."""
-        run = only_run(row)
-        straight = self.straights.get(id(run))
-        return run if straight is not None and straight.spanned and step in self.queues[id(run)].chain else None
-
     def _side_by_side(self, step: Loop, run: Run, lo: str, hi: str, depth: int) -> list[str]:
         """Returns the iterations of a loop with one flat program, SIDE at a time; those that are not on the straight line one by one."""
         straight, count = self.straights[id(run)], len(run.results)
@@ -197,7 +100,7 @@ class IterationPrinter(WaitingPrinter):
             if not moving:
                 return []
             index = f"const int64_t {step.index} = {at} + (k < {lanes} ? k : {lanes} - 1);"
-            lines = self._block(_needed(before, {run.inputs[i] for i in moving}), depth)
+            lines = self._block(needed(before, {run.inputs[i] for i in moving}), depth)
             given = packed(f"q{i}[k] = {spelled(run.inputs[i])};" for i in moving)
             names = packed([f"q{i}[{SIDE}]" for i in moving], "double ", ", ", ";")
             return [*names, f"for (int k = 0; k < {SIDE}; k++) {{", *indent(index, *lines, *given), "}"]
@@ -257,7 +160,7 @@ class IterationPrinter(WaitingPrinter):
         apart = self._apart(self.queues[id(run)])
         lines = list(enumerate(LINES, len(PLACES))) if apart else []
         width = len(PLACES) + len(lines) + len(HELD) * apart
-        routine = self.printer.once("spans", spans_function(narrow.name, narrow.known, indices, set(moving), apart > 0))
+        routine = self.printer.once("spans", function(narrow.name, narrow.known, indices, set(moving), apart > 0))
         given = [f"q{i}" if i in moving else self._spelled(run.inputs[i]) for i in narrow.inputs if i not in indices]
         wanted = {*(run.inputs[i] for i in moving), row.lo, row.hi}
         gathered = [
@@ -287,7 +190,7 @@ class IterationPrinter(WaitingPrinter):
                 f"for (int k = 0; k < {SIDE}; k++) {{",
                 *indent(
                     f"const int64_t {step.index} = {at} + (k < {count} ? k : {count} - 1);",
-                    *self._block(_needed(rows.before, wanted), depth),
+                    *self._block(needed(rows.before, wanted), depth),
                     *packed(gathered),
                 ),
                 "}",
@@ -321,12 +224,12 @@ class IterationPrinter(WaitingPrinter):
         assert straight.covered is not None
         before = step.body[: step.body.index(run)]
         start, stop, since, until = (f"{index}_{end}" for end in PLACES)
-        needed = self._block(_needed(before, {queue.run.inputs[i] for i in differing(queue, straight.covered)}), depth)
+        reading = self._block(needed(before, {queue.run.inputs[i] for i in differing(queue, straight.covered)}), depth)
         bits = " | ".join(f"({first} & {last}) << {h}" for h, (first, last) in enumerate(held))
         return [
             f"const int64_t {index}_at = {until} - (({until} - {since}) & {SIDE - 1});",
             f"for (int64_t {index} = {index}_at; {index} < {until}; {index}++) {{",
-            *indent(*needed, *self._pushed_plain(queue, straight.covered, "if (teg_stopped(pace)) break;")),
+            *indent(*reading, *self._pushed_plain(queue, straight.covered, "if (teg_stopped(pace)) break;")),
             "}",
             "for (int side = 0; side < 2; side++) {",
             *indent(
@@ -371,7 +274,12 @@ class IterationPrinter(WaitingPrinter):
         runs = self._runs(loop, run, rows, row, {i: str(queue.run.inputs[i]) for i in covered.point.inputs})
         routine = self.printer.once("runs", covered_runs(runs, covered.point, covered.grouped))
         spans = f"{loop.index}_spans"
-        common = [*(f"{spans}[{PLACES.index(end)}]" for end in PLACES[2:]), "from", *shared_by(f"alike_{queue.name}", covered), f"lanes_{queue.name}"]
+        common = [
+            *(f"{spans}[{PLACES.index(end)}]" for end in PLACES[2:]),
+            "from",
+            *shared_by(f"alike_{queue.name}", covered),
+            f"lanes_{queue.name}",
+        ]
         return [
             f"for (int64_t from = 0; {routine.name}({', '.join([*runs.arguments, *common])}); from += {PIECE})",
             *indent("if (teg_stopped(pace)) break;"),
@@ -379,9 +287,9 @@ class IterationPrinter(WaitingPrinter):
 
     def _runs(self, loop: Loop, run: Run, rows: Rows | None, row: str, inputs: dict[int, str]) -> CoveredRuns:
         """Returns what is read in the iterations of a loop, and in the rows around it, for these inputs of its flat program."""
-        inner = _needed(loop.body[: loop.body.index(run)], set(inputs.values()))
+        inner = needed(loop.body[: loop.body.index(run)], set(inputs.values()))
         lo = loop.lo if rows else 0
-        outer = _needed(rows.before, {lo, *inputs.values(), *(a for s in inner for a in operands(s))}) if rows else []
+        outer = needed(rows.before, {lo, *inputs.values(), *(a for s in inner for a in operands(s))}) if rows else []
         steps = [*outer, *inner]
         made = {name for s in steps for name in result_names(s)} | {loop.index, row}
         read = dict.fromkeys(
@@ -398,12 +306,6 @@ class IterationPrinter(WaitingPrinter):
         return CoveredRuns(
             loop.index, spelled(lo), row or None, self._block(outer, 1), self._block(inner, 1), inputs, inside, given, arrays
         )
-
-
-def only_run(loop: Loop) -> Run | None:
-    """Returns the flat program of an innermost loop that has just one."""
-    runs = [s for s in loop.body if isinstance(s, Run)]
-    return runs[0] if len(runs) == 1 and not any(isinstance(s, Loop) for s in loop.body) else None
 
 
 def counted(loop: Loop) -> set[str]:
@@ -461,16 +363,6 @@ def _entries(array: int, block: Sequence[Step], index: str) -> int | None:
     if any(len(subscripts) < 2 or subscripts[-2] != index for subscripts in read) or last != set(range(len(last))):
         return None
     return len(last) or None
-
-
-def _needed(block: Sequence[Step], wanted: set[Arg]) -> list[Step]:
-    """Returns the steps of a block without loops that matter for these names."""
-    live, kept = set(wanted), []
-    for step in reversed(block):
-        if not live.isdisjoint(result_names(step)):
-            live.update(operands(step))
-            kept.append(step)
-    return kept[::-1]
 
 
 def decisive(loop: Loop) -> Run | None:

@@ -25,13 +25,13 @@ from teg.backends.c.cells import NO_MEMORY
 from teg.backends.c.chunks import Chunked
 from teg.backends.c.crossed import POINTS
 from teg.backends.c.groups import around_carrier
-from teg.backends.c.iterations import BY_VALUE, IterationPrinter, only_run
+from teg.backends.c.iterations import BY_VALUE, IterationPrinter
 from teg.backends.c.kernel import LONG, optimisation
 from teg.backends.c.lanes import SIDE, decisive_branch
 from teg.backends.c.queues import Queue, queue_of
 from teg.backends.c.runtime import runtime
 from teg.backends.c.signals import Addresses, Caller
-from teg.backends.c.steps import target_of
+from teg.backends.c.steps import only_run, target_of
 from teg.backends.c.straights import Waiting, side_by_side
 from teg.backends.c.tabled import tabled_entry
 from teg.backends.c.team import shared

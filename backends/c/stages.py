@@ -105,7 +105,13 @@ def functions(
     inputs = [[i for i in parameter_numbers(stage.moving) if i in varying] for stage in stages]
     made = [Inside(list(stages[n].lines(writing(stages[n].found), places)), inputs[n]) for n in range(len(lines))]
     inside = Inside(steady, parameter_numbers([*same, *(a for s in constant for a in s.args)]))
-    return Functions(inside, kept, sum(map(is_condition, given)), made, Point(inputs[-1], partial(stages[-1].point, places)) if point is not None else None)
+    return Functions(
+        inside,
+        kept,
+        sum(map(is_condition, given)),
+        made,
+        Point(inputs[-1], partial(stages[-1].point, places)) if point is not None else None,
+    )
 
 
 def _steady(constant: Sequence[Assign], given: Sequence[str]) -> tuple[list[str], dict[str, str], int]:
@@ -122,9 +128,7 @@ def _steady(constant: Sequence[Assign], given: Sequence[str]) -> tuple[list[str]
     return lines, places, len(numbers) + SIDE * len(conditions)
 
 
-def _steady_of_groups(
-    constant: Sequence[Assign], given: Sequence[str], groups: Container[int]
-) -> tuple[list[str], dict[str, str], int]:
+def _steady_of_groups(constant: Sequence[Assign], given: Sequence[str], groups: Container[int]) -> tuple[list[str], dict[str, str], int]:
     """Returns the lines that write given values of eight groups to an array, side by side, how each is spelled if s begins with those of a
     group, and how many there are. Conditions stand once for each point in an array m."""
     numbers, conditions = ([name for name in given if is_condition(name) is of] for of in (False, True))
@@ -181,9 +185,7 @@ class _Stages:
                 if isinstance(item, Nodes) and self.stage[item.sums[0]] == number + 1:
                     yield from self._nodes(item)
 
-    def point(
-        self, steady: Mapping[str, str], side_by_side: Collection[int]
-    ) -> tuple[list[str], list[str | tuple[str, str] | None]]:
+    def point(self, steady: Mapping[str, str], side_by_side: Collection[int]) -> tuple[list[str], list[str | tuple[str, str] | None]]:
         """Returns the lines of a point, or of eight if some inputs are `side_by_side`, and the outputs, of which products that nothing else
         reads are pairs."""
         self.places.update(steady)
@@ -191,9 +193,9 @@ class _Stages:
         block = [s for s in self.found.items if isinstance(s, Assign) and s.name in self.lanes]
         block = contracted(block, outputs, self.exact)
         lanes = values_in_lanes(block, {f"p{i}" for i in side_by_side})
-        uses = Counter(a for a in (*outputs, *(a for s in block for a in s.args)))
-        pairs = {s.name: s.args for s in block if s.op == "mul" and len(s.args) == 2 and s.name in lanes and uses[s.name] == 1}
-        pairs = {name: args for name, args in pairs.items() if name in outputs}
+        uses = Counter([*outputs, *(a for s in block for a in s.args)])
+        products = [s for s in block if s.op == "mul" and len(s.args) == 2 and s.name in lanes and s.name in outputs]
+        pairs: dict[Arg, tuple[Arg, ...]] = {s.name: s.args for s in products if uses[s.name] == 1}
         block = [replace(s, op="teg_fma_8") if s.op == "fma" and s.name in lanes else s for s in block if s.name not in pairs]
         made = {s.name for s in block}
         own = [o for o in dict.fromkeys(a for o in outputs for a in pairs.get(o, (o,))) if isinstance(o, str)]

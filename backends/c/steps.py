@@ -354,6 +354,22 @@ def _unread(body: Sequence[Step], values: Sequence[Arg]) -> list[str]:
     return [f"(void){name};" for s in body if isinstance(s, Run) for name in s.results if name not in read]
 
 
+def needed(block: Sequence[Step], wanted: set[Arg]) -> list[Step]:
+    """Returns the steps of a block without loops that matter for these names."""
+    live, kept = set(wanted), []
+    for step in reversed(block):
+        if not live.isdisjoint(result_names(step)):
+            live.update(operands(step))
+            kept.append(step)
+    return kept[::-1]
+
+
+def only_run(loop: Loop) -> Run | None:
+    """Returns the flat program of an innermost loop that has just one."""
+    runs = [s for s in loop.body if isinstance(s, Run)]
+    return runs[0] if len(runs) == 1 and not any(isinstance(s, Loop) for s in loop.body) else None
+
+
 def target_of(to: int | str) -> Target:
     """Returns an output, or a table."""
     return Target(to, f"{to}_size") if isinstance(to, str) else Target(f"t{to}", f"n{to}")

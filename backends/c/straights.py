@@ -20,7 +20,6 @@ from teg.backends.c.stages import Point, functions, results, totals
 from teg.backends.c.text import TRUTH, indent, wrapped
 from teg.program import Assign, Program
 
-
 SHARED = "const double *s"
 """The declaration of the numbers that all points of a queue share."""
 
@@ -35,7 +34,7 @@ class Eight(NamedTuple):
 class Staged(NamedTuple):
     """C functions of eight points in a queue: one for all of them, and for each half-plane one for points that it alone crosses, or none.
     `steady` is the function of the `kept` numbers which all points share; `point` is a straight line for loops over points (`covered`). If
-    it is for eight groups of points side by side (`grouped`), the last `conditions` of these numbers stand elsewhere, once for each point."""
+    `steady` is for eight groups of points (`grouped`), the last `conditions` of these numbers are repeated elsewhere for each point."""
 
     lines: Sequence[Eight]
     steady: Eight
