@@ -110,16 +110,17 @@ class CoveredRuns(NamedTuple):
         ]
 
 
-def covered_runs(runs: CoveredRuns, point: Point) -> str:
+def covered_runs(runs: CoveredRuns, point: Point, grouped: bool) -> str:
     """Returns the C function @: it adds up what iterations starts[row] + from … ends[row] of rows give, in groups of SIDE and at most PIECE
-    of them, and returns whether a run goes on behind that."""
+    of them, and returns whether a run goes on behind that. `grouped`: as in `Staged`."""
     known = {k: width for k, (_, _, width) in runs.arrays.items() if width is not None}
     rows = ["int64_t first", "int rows"] if runs.row else []
-    common = ["const double *starts", "const double *ends", "int64_t from", "const double *s", f"double (*restrict lanes)[{SIDE}]"]
+    shared = ["const double *s", *(["const double *m"] if grouped else [])]
+    common = ["const double *starts", "const double *ends", "int64_t from", *shared, f"double (*restrict lanes)[{SIDE}]"]
     arrays = [d for k, (kind, _, _) in runs.arrays.items() for d in (f"const {kind} *a{k}", f"const int64_t *{_shape(k, known)}{k}")]
     widths = [f"int64_t width{k}" for k in known]
     given = [*arrays, *runs.given, *rows, *common]
-    inside = [*_shapes(runs, known), *_inside(runs, point)]
+    inside = [*_shapes(runs, known), *(["(void)m;"] if grouped else []), *_inside(runs, point)]
     if not known:
         return wrapped([f"TEG_EIGHT int @({', '.join(given)})", "{", *indent(*inside), "}"])
     passed = [declared.split("*")[-1].split()[-1] for declared in given[:-1]] + ["lanes"]
@@ -165,7 +166,7 @@ def _inside(runs: CoveredRuns, point: Point) -> list[str]:
         *packed(f"const teg_lanes_8 c{i} = *(const teg_lanes_8 *)(b{i} + k);" for i in read),
         *packed(f"const double c{i} = {name};" for i, name in runs.inputs.items() if i not in read),
         "{",
-        *indent(*text, *packed(f"sum_{m} += {moving[m]};" for m in sums)),
+        *indent(*text, *packed(_added(f"sum_{m}", moving[m]) for m in sums)),
         "}",
     ]
     row = [f"const int64_t {runs.row} = first + row;", *runs.outer] if runs.row else []
@@ -201,3 +202,8 @@ def _inside(runs: CoveredRuns, point: Point) -> list[str]:
         *([f"for (int k = 0; k < {SIDE}; k++) {{", *indent(*packed(again)), "}"] if again else ["(void)groups;"]),
         "return more;",
     ]
+
+
+def _added(total: str, term: str | tuple[str, str] | None) -> str:
+    """Returns a line that adds a term to a sum of numbers side by side; a pair is a product."""
+    return f"{total} = teg_fma_8({term[0]}, {term[1]}, {total});" if isinstance(term, tuple) else f"{total} += {term};"

@@ -7,26 +7,23 @@ from dataclasses import replace
 
 from teg.backends.c.covered import PIECE, CoveredRuns, covered_runs
 from teg.backends.c.eights import SideBySide, match_squares
+from teg.backends.c.groups import GroupPrinter
 from teg.backends.c.lanes import SIDE, decisive_branch
 from teg.backends.c.spans import HELD, LINES, PLACES, Rows, function, prefetched, rows_of
-from teg.backends.c.steps import array_of, named
+from teg.backends.c.steps import array_of, named, needed, only_run
 from teg.backends.c.straights import Straight
 from teg.backends.c.text import indent, packed, spelled
-from teg.backends.c.waiting import WaitingPrinter, differing
+from teg.backends.c.waiting import differing, shared_by
 from teg.program import without_branches
-from teg.program.arrays import Arg, ArrayProgram, Cells, Integers, Load, Loop, Number, Run, Scatter, Step
+from teg.program.arrays import Cells, Integers, Load, Loop, Number, Run, Scatter, Step
 from teg.program.fields import operands, result_names
 
 BY_VALUE = 120
 """Inputs of a flat program that are C arguments: it is called in one place, and inlined there."""
 
 
-class IterationPrinter(WaitingPrinter):
+class IterationPrinter(GroupPrinter):
     """Prints loops inside other loops, and the iterations of all."""
-
-    def __init__(self, program: ArrayProgram) -> None:
-        super().__init__(program)
-        self.trials: list[str] | None = None  # declarations of what is counted in the chunk that is printed
 
     def _loop(self, step: Loop, depth: int) -> list[str]:
         """Returns a loop inside another one."""
@@ -48,6 +45,8 @@ class IterationPrinter(WaitingPrinter):
 
     def _each(self, step: Loop, lo: str, hi: str, depth: int) -> list[str]:
         """Returns the iterations without what waits."""
+        if step_around := self.around.get(id(step)):
+            return self._eight_at_once(step_around, lo, hi, depth)
         only = only_run(step)
         if only and id(only) in self.straights:
             return self._side_by_side(step, only, lo, hi, depth)
@@ -63,8 +62,8 @@ class IterationPrinter(WaitingPrinter):
                 self.later[id(step.body[cut])] = side_by_side.later()
                 shorter = side_by_side.with_empty_ones(shorter, hi)
             inside += [*self._block(step.body[:cut], depth), *shorter, *waits, *self._block(step.body[cut:], depth), *added]
-            if side_by_side and self.trials is not None:
-                self.trials.append(side_by_side.tried_so_far())
+            if side_by_side and self.chunk is not None:
+                self.chunk.append(side_by_side.tried_so_far())
                 return side_by_side.lines(lo, hi, inside)
         else:
             inside += [*self._block(step.body, depth, decisive(step)), *added]
@@ -73,7 +72,7 @@ class IterationPrinter(WaitingPrinter):
     def _squares(self, step: Loop, cut: int, depth: int) -> SideBySide | None:
         """Returns what prints the iterations of a loop with cells eight side by side, if they may be."""
         cells, squares = step.body[cut], match_squares(step, self.routines)
-        if squares is None or self.trials is None or not isinstance(cells, Cells) or self._in_lanes(step) or step.listed >= 0:
+        if squares is None or self.chunk is None or not isinstance(cells, Cells) or self._in_lanes(step) or step.listed >= 0:
             return None
         return SideBySide(squares, self._shape(cells), lambda steps: self._block([*map(self._straightened, steps)], depth))
 
@@ -85,12 +84,6 @@ class IterationPrinter(WaitingPrinter):
         self.routines[id(run)] = self.printer.element(run.program, "run", BY_VALUE, lazy=False)
         self.by_moments.append((run,))  # keeps what `routines` knows by its identity
         return run
-
-    def _spanned(self, step: Loop, row: Loop) -> Run | None:
-        """Returns the flat program of the loop `row` inside of `step` if its spans are known, and its queue is kept from row to row."""
-        run = only_run(row)
-        straight = self.straights.get(id(run))
-        return run if straight is not None and straight.spanned and step in self.queues[id(run)].chain else None
 
     def _side_by_side(self, step: Loop, run: Run, lo: str, hi: str, depth: int) -> list[str]:
         """Returns the iterations of a loop with one flat program, SIDE at a time; those that are not on the straight line one by one."""
@@ -107,7 +100,7 @@ class IterationPrinter(WaitingPrinter):
             if not moving:
                 return []
             index = f"const int64_t {step.index} = {at} + (k < {lanes} ? k : {lanes} - 1);"
-            lines = self._block(_needed(before, {run.inputs[i] for i in moving}), depth)
+            lines = self._block(needed(before, {run.inputs[i] for i in moving}), depth)
             given = packed(f"q{i}[k] = {spelled(run.inputs[i])};" for i in moving)
             names = packed([f"q{i}[{SIDE}]" for i in moving], "double ", ", ", ";")
             return [*names, f"for (int k = 0; k < {SIDE}; k++) {{", *indent(index, *lines, *given), "}"]
@@ -168,7 +161,7 @@ class IterationPrinter(WaitingPrinter):
         lines = list(enumerate(LINES, len(PLACES))) if apart else []
         width = len(PLACES) + len(lines) + len(HELD) * apart
         routine = self.printer.once("spans", function(narrow.name, narrow.known, indices, set(moving), apart > 0))
-        given = [f"q{i}" if i in moving else spelled(run.inputs[i]) for i in narrow.inputs if i not in indices]
+        given = [f"q{i}" if i in moving else self._spelled(run.inputs[i]) for i in narrow.inputs if i not in indices]
         wanted = {*(run.inputs[i] for i in moving), row.lo, row.hi}
         gathered = [
             f"{row.index}_lo[k] = (double){spelled(row.lo)};",
@@ -197,7 +190,7 @@ class IterationPrinter(WaitingPrinter):
                 f"for (int k = 0; k < {SIDE}; k++) {{",
                 *indent(
                     f"const int64_t {step.index} = {at} + (k < {count} ? k : {count} - 1);",
-                    *self._block(_needed(rows.before, wanted), depth),
+                    *self._block(needed(rows.before, wanted), depth),
                     *packed(gathered),
                 ),
                 "}",
@@ -231,12 +224,12 @@ class IterationPrinter(WaitingPrinter):
         assert straight.covered is not None
         before = step.body[: step.body.index(run)]
         start, stop, since, until = (f"{index}_{end}" for end in PLACES)
-        needed = self._block(_needed(before, {queue.run.inputs[i] for i in differing(queue, straight.covered)}), depth)
+        reading = self._block(needed(before, {queue.run.inputs[i] for i in differing(queue, straight.covered)}), depth)
         bits = " | ".join(f"({first} & {last}) << {h}" for h, (first, last) in enumerate(held))
         return [
             f"const int64_t {index}_at = {until} - (({until} - {since}) & {SIDE - 1});",
             f"for (int64_t {index} = {index}_at; {index} < {until}; {index}++) {{",
-            *indent(*needed, *self._pushed_plain(queue, straight.covered, "if (teg_stopped(pace)) break;")),
+            *indent(*reading, *self._pushed_plain(queue, straight.covered, "if (teg_stopped(pace)) break;")),
             "}",
             "for (int side = 0; side < 2; side++) {",
             *indent(
@@ -279,9 +272,14 @@ class IterationPrinter(WaitingPrinter):
         assert covered is not None
         assert covered.point is not None
         runs = self._runs(loop, run, rows, row, {i: str(queue.run.inputs[i]) for i in covered.point.inputs})
-        routine = self.printer.once("runs", covered_runs(runs, covered.point))
+        routine = self.printer.once("runs", covered_runs(runs, covered.point, covered.grouped))
         spans = f"{loop.index}_spans"
-        common = [*(f"{spans}[{PLACES.index(end)}]" for end in PLACES[2:]), "from", f"alike_{queue.name}", f"lanes_{queue.name}"]
+        common = [
+            *(f"{spans}[{PLACES.index(end)}]" for end in PLACES[2:]),
+            "from",
+            *shared_by(f"alike_{queue.name}", covered),
+            f"lanes_{queue.name}",
+        ]
         return [
             f"for (int64_t from = 0; {routine.name}({', '.join([*runs.arguments, *common])}); from += {PIECE})",
             *indent("if (teg_stopped(pace)) break;"),
@@ -289,9 +287,9 @@ class IterationPrinter(WaitingPrinter):
 
     def _runs(self, loop: Loop, run: Run, rows: Rows | None, row: str, inputs: dict[int, str]) -> CoveredRuns:
         """Returns what is read in the iterations of a loop, and in the rows around it, for these inputs of its flat program."""
-        inner = _needed(loop.body[: loop.body.index(run)], set(inputs.values()))
+        inner = needed(loop.body[: loop.body.index(run)], set(inputs.values()))
         lo = loop.lo if rows else 0
-        outer = _needed(rows.before, {lo, *inputs.values(), *(a for s in inner for a in operands(s))}) if rows else []
+        outer = needed(rows.before, {lo, *inputs.values(), *(a for s in inner for a in operands(s))}) if rows else []
         steps = [*outer, *inner]
         made = {name for s in steps for name in result_names(s)} | {loop.index, row}
         read = dict.fromkeys(
@@ -308,12 +306,6 @@ class IterationPrinter(WaitingPrinter):
         return CoveredRuns(
             loop.index, spelled(lo), row or None, self._block(outer, 1), self._block(inner, 1), inputs, inside, given, arrays
         )
-
-
-def only_run(loop: Loop) -> Run | None:
-    """Returns the flat program of an innermost loop that has just one."""
-    runs = [s for s in loop.body if isinstance(s, Run)]
-    return runs[0] if len(runs) == 1 and not any(isinstance(s, Loop) for s in loop.body) else None
 
 
 def counted(loop: Loop) -> set[str]:
@@ -371,16 +363,6 @@ def _entries(array: int, block: Sequence[Step], index: str) -> int | None:
     if any(len(subscripts) < 2 or subscripts[-2] != index for subscripts in read) or last != set(range(len(last))):
         return None
     return len(last) or None
-
-
-def _needed(block: Sequence[Step], wanted: set[Arg]) -> list[Step]:
-    """Returns the steps of a block without loops that matter for these names."""
-    live, kept = set(wanted), []
-    for step in reversed(block):
-        if not live.isdisjoint(result_names(step)):
-            live.update(operands(step))
-            kept.append(step)
-    return kept[::-1]
 
 
 def decisive(loop: Loop) -> Run | None:

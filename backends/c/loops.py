@@ -24,13 +24,14 @@ from teg.backends.c.build import load_library
 from teg.backends.c.cells import NO_MEMORY
 from teg.backends.c.chunks import Chunked
 from teg.backends.c.crossed import POINTS
-from teg.backends.c.iterations import BY_VALUE, IterationPrinter, only_run
+from teg.backends.c.groups import around_carrier
+from teg.backends.c.iterations import BY_VALUE, IterationPrinter
 from teg.backends.c.kernel import LONG, optimisation
 from teg.backends.c.lanes import SIDE, decisive_branch
 from teg.backends.c.queues import Queue, queue_of
 from teg.backends.c.runtime import runtime
 from teg.backends.c.signals import Addresses, Caller
-from teg.backends.c.steps import target_of
+from teg.backends.c.steps import only_run, target_of
 from teg.backends.c.straights import Waiting, side_by_side
 from teg.backends.c.tabled import tabled_entry
 from teg.backends.c.team import shared
@@ -135,6 +136,7 @@ class _ArrayPrinter(IterationPrinter):
         self.name, self.tabled, self.space = name, tabled, 0
         program = self.program
         candidates: list[tuple[Loop, Run, Queue | None]] = []
+        outer = {id(s): loop for loop in steps(program.body) if isinstance(loop, Loop) for s in loop.body}
         for loop, around in with_enclosing(program.body):
             if only := only_run(loop):
                 found = summed(loop, only, around)
@@ -145,15 +147,20 @@ class _ArrayPrinter(IterationPrinter):
             varying = {i for i, arg in enumerate(only.inputs) if arg in inside}
             numbers = {s.name for s in loop.body if isinstance(s, Number) and s.integer == loop.index}
             counted = {i for i, arg in enumerate(only.inputs) if arg in numbers}
-            waiting = None
+            waiting, eight = None, None
             if queue:
                 residues = [c[id(queue.run)] for c in connected]
-                waiting = Waiting(queue.run.program, queue.varying, residues, None if queue.after else queue.added)
+                alone = not queue.after and [q.carrier for _, _, q in candidates if q].count(queue.carrier) == 1
+                eight = around_carrier(outer.get(id(queue.carrier)), queue.carrier) if alone else None
+                groups = {i for i, arg in enumerate(queue.run.inputs) if arg in eight.made} if eight else None
+                waiting = Waiting(queue.run.program, queue.varying, residues, None if queue.after else queue.added, groups)
             made = side_by_side(self.printer.once, only.program, varying, SIDE, counted, waiting) if varying else None
             if made:
                 self.straights[id(only)] = made
             if made and made.crossed and queue:
                 self.queues[id(only)] = queue
+                if eight:
+                    self.around[id(eight.loop)] = eight
         self.idle = self._idle()
         for step in steps(program.body):
             if isinstance(step, Run) and id(step) not in self.idle:
@@ -245,9 +252,9 @@ class _ArrayPrinter(IterationPrinter):
 
     def _in_chunk(self, step: Loop, targets: Sequence[int | str]) -> list[str]:
         """Returns the iterations of a chunk, which scatter into its own copies."""
-        self.copied, self.trials = frozenset(targets), []
+        self.copied, self.chunk = frozenset(targets), []
         lines = self._iterations(step, "first", "last", 1)
-        lines, self.copied, self.trials = [*self.trials, *lines], frozenset(), None
+        lines, self.copied, self.chunk = [*self.chunk, *lines], frozenset(), None
         return lines
 
     # -- the batch -----------------------------------------------------------------------------------------------------

@@ -57,15 +57,18 @@ class Queue:
         """Returns which results of the flat program are added to the sums."""
         return [self.run.results.index(str(v)) for _, v in self.sums]
 
+    def room(self, apart: int) -> str:
+        """Returns the declaration of the queue's numbers, and of those of one for each of the half-planes that are told `apart`."""
+        return f"double queue_{self.name}[{1 + apart}][{max(1, len(self.varying))}][{SIDE}] = {{{{{{0.0}}}}}};"
+
     def opened(self, apart: int) -> list[str]:
-        """Returns the declaration of the queue, and of one for each of the half-planes that are told `apart`."""
+        """Returns the declaration of what a run of the carrier begins with."""
         name, n = self.name, 1 + apart
         places = [f"int64_t place_{name}[{len(self.indices)}][{SIDE}];"] if self.indices else []
         lanes = [f"double lanes_{name}[{len(self.sums)}][{SIDE}] = {{{{0.0}}}};"] if self.sums else []
         lines = [1 + h if held == (1 << apart) - 1 - (1 << h) else 0 for held in range(1 << apart) for h in [_missing(held, apart)]]
         table = [f"static const unsigned char line_of_{name}[{len(lines)}] = {{{', '.join(map(str, lines))}}};"] if apart else []
         return [
-            f"double queue_{name}[{n}][{max(1, len(self.varying))}][{SIDE}] = {{{{{{0.0}}}}}};",
             *places,
             f"int waiting_{name}[{n}] = {{0}};",
             *lanes,

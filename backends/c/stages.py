@@ -7,6 +7,7 @@ by a function of their own, once for all that wait in queues: several straight l
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Collection, Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -40,18 +41,21 @@ class Inside(NamedTuple):
 
 class Point(NamedTuple):
     """A straight line without sums over nodes for a loop over points. `inputs` are the numbers of the inputs that vary, which are called c;
-    `printed` gives its lines of C, and its outputs in C (None: 0), if the inputs with these numbers are `teg_lanes_8`."""
+    `printed` gives its lines of C, and its outputs in C (None: 0), if the inputs with these numbers are `teg_lanes_8`. An output that is
+    the product of two values is this pair."""
 
     inputs: list[int]
-    printed: Callable[[Collection[int]], tuple[list[str], list[str | None]]]
+    printed: Callable[[Collection[int]], tuple[list[str], list[str | tuple[str, str] | None]]]
 
 
 class Functions(NamedTuple):
     """The insides of C functions. `steady` writes what is the same at all points to an array s of `kept` numbers, inputs among it; each of
-    `lines` computes eight points with it. Its inputs are those that vary, arrays q. `point` is the inside of a loop over points."""
+    `lines` computes eight points with it. Its inputs are those that vary, arrays q. `point` is the inside of a loop over points. If
+    `steady` is for eight groups of points, `kept` is what one has, and the last `conditions` of these are read from an array m."""
 
     steady: Inside
     kept: int
+    conditions: int
     lines: list[Inside]
     point: Point | None = None
 
@@ -85,29 +89,36 @@ def totals(found: Crossed, sums: Sequence[int]) -> Written:
     return lines
 
 
-def functions(lines: Sequence[Crossed], varying: Container[int], writing: Writing, point: Crossed | None = None) -> Functions:
+def functions(
+    lines: Sequence[Crossed], varying: Container[int], writing: Writing, point: Crossed | None = None, groups: Container[int] | None = None
+) -> Functions:
     """Returns the functions of straight lines of one program, and the lines of a `point`, another one without sums over nodes. Inputs in
-    `varying` differ between points."""
+    `varying` differ between points. If what is the same at all points is computed for eight groups of them, inputs in `groups` differ
+    between these."""
     found = alike([regrouped(line, varying) for line in (*lines, *([] if point is None else [point]))], varying)
     stages = [_Stages(line, varying, "q{}[k]" if n < len(lines) else "c{}") for n, line in enumerate(found)]
     constant = list({s.name: s for stage in stages for s in stage.constant}.values())
     wanted = set[Arg]().union(*(stage.moving for stage in stages))
     same = [f"p{i}" for i in parameter_numbers(wanted) if i not in varying]
-    steady, places, kept = _steady(constant, [*same, *(s.name for s in constant if s.name in wanted)])
+    given = [*same, *(s.name for s in constant if s.name in wanted)]
+    steady, places, kept = _steady(constant, given) if groups is None else _steady_of_groups(constant, given, groups)
     inputs = [[i for i in parameter_numbers(stage.moving) if i in varying] for stage in stages]
     made = [Inside(list(stages[n].lines(writing(stages[n].found), places)), inputs[n]) for n in range(len(lines))]
     inside = Inside(steady, parameter_numbers([*same, *(a for s in constant for a in s.args)]))
-    return Functions(inside, kept, made, Point(inputs[-1], partial(stages[-1].point, places)) if point is not None else None)
+    return Functions(
+        inside,
+        kept,
+        sum(map(is_condition, given)),
+        made,
+        Point(inputs[-1], partial(stages[-1].point, places)) if point is not None else None,
+    )
 
 
 def _steady(constant: Sequence[Assign], given: Sequence[str]) -> tuple[list[str], dict[str, str], int]:
     """Returns the lines that write given values to an array, where each stands there, and how many numbers that is. Conditions stand there
     once for each point: C compilers make a mask of one by a dozen operations."""
     numbers, conditions = ([name for name in given if is_condition(name) is of] for of in (False, True))
-    inputs = {str(a): str(a) for a in (*given, *(a for s in constant for a in s.args)) if is_parameter(a)}
-    made = [name for name in given if not is_parameter(name)]
-    frame = _framed(_steps(_late(constant, made)), given, inputs)
-    lines, scope = frame.block(0), frame.scope()
+    lines, scope = _made(constant, given)
     lines += in_few_lines(f"s[{i}] = {scope(name)};" for i, name in enumerate(numbers))
     places = {name: f"s[{i}]" for i, name in enumerate(numbers)}
     for i, name in enumerate(conditions):
@@ -115,6 +126,28 @@ def _steady(constant: Sequence[Assign], given: Sequence[str]) -> tuple[list[str]
         lines.append(f"for (int k = 0; k < {SIDE}; k++) s[{at} + k] = {scope(name)};")
         places[name] = f"(s[{at} + k] != 0.0)"
     return lines, places, len(numbers) + SIDE * len(conditions)
+
+
+def _steady_of_groups(constant: Sequence[Assign], given: Sequence[str], groups: Container[int]) -> tuple[list[str], dict[str, str], int]:
+    """Returns the lines that write given values of eight groups to an array, side by side, how each is spelled if s begins with those of a
+    group, and how many there are. Conditions stand once for each point in an array m."""
+    numbers, conditions = ([name for name in given if is_condition(name) is of] for of in (False, True))
+    lines, scope = _made(constant, given)
+    inputs = parameter_numbers([*given, *(a for s in constant for a in s.args)])
+    there = [f"const double p{i} = q{i}[k];" for i in inputs if i in groups]
+    written = [f"s[{SIDE * i} + k] = {scope(name)};" for i, name in enumerate(numbers)]
+    written += [f"s[{SIDE * i} + k] = {scope(name)} ? 1.0 : 0.0;" for i, name in enumerate(conditions, len(numbers))]
+    loop = [f"for ({TRUTH} k = 0; k < {SIDE}; k++) {{", *indent(*in_few_lines(there), *lines, *in_few_lines(written)), "}"]
+    places = {name: f"s[{SIDE * i}]" for i, name in enumerate(numbers)}
+    places |= {name: f"(m[{SIDE * i} + k] != 0.0)" for i, name in enumerate(conditions)}
+    return loop, places, len(given)
+
+
+def _made(constant: Sequence[Assign], given: Sequence[str]) -> tuple[list[str], Scope]:
+    """Returns the lines that compute given values, and the scope in which they are spelled."""
+    inputs = {str(a): str(a) for a in (*given, *(a for s in constant for a in s.args)) if is_parameter(a)}
+    frame = _framed(_steps(_late(constant, [name for name in given if not is_parameter(name)])), given, inputs)
+    return frame.block(0), frame.scope()
 
 
 class _Stages:
@@ -152,12 +185,23 @@ class _Stages:
                 if isinstance(item, Nodes) and self.stage[item.sums[0]] == number + 1:
                     yield from self._nodes(item)
 
-    def point(self, steady: Mapping[str, str], side_by_side: Collection[int]) -> tuple[list[str], list[str | None]]:
-        """Returns the lines of a point, or of eight if some inputs are `side_by_side`, and the outputs."""
+    def point(self, steady: Mapping[str, str], side_by_side: Collection[int]) -> tuple[list[str], list[str | tuple[str, str] | None]]:
+        """Returns the lines of a point, or of eight if some inputs are `side_by_side`, and the outputs, of which products that nothing else
+        reads are pairs."""
         self.places.update(steady)
+        outputs = self.found.outputs
         block = [s for s in self.found.items if isinstance(s, Assign) and s.name in self.lanes]
-        scope, text = self._written(block, values_in_lanes(block, {f"p{i}" for i in side_by_side}))
-        return text, [None if o == 0.0 else scope(o) for o in self.found.outputs]
+        block = contracted(block, outputs, self.exact)
+        lanes = values_in_lanes(block, {f"p{i}" for i in side_by_side})
+        uses = Counter([*outputs, *(a for s in block for a in s.args)])
+        products = [s for s in block if s.op == "mul" and len(s.args) == 2 and s.name in lanes and s.name in outputs]
+        pairs: dict[Arg, tuple[Arg, ...]] = {s.name: s.args for s in products if uses[s.name] == 1}
+        block = [replace(s, op="teg_fma_8") if s.op == "fma" and s.name in lanes else s for s in block if s.name not in pairs]
+        made = {s.name for s in block}
+        own = [o for o in dict.fromkeys(a for o in outputs for a in pairs.get(o, (o,))) if isinstance(o, str)]
+        frame = self._framed(_steps(_late(block, [o for o in own if o in made])), own, self.places, lanes)
+        text, scope = frame.block(0), frame.scope()
+        return text, [None if o == 0.0 else (scope(pairs[o][0]), scope(pairs[o][1])) if o in pairs else scope(o) for o in outputs]
 
     def without(self, some: Iterable[Item]) -> list[Item]:
         """Returns the other items."""
@@ -178,13 +222,13 @@ class _Stages:
         frame.count = self._count  # names differ in all stages
         return frame
 
-    def _written(self, block: Sequence[Assign], lanes: Collection[Arg] = ()) -> tuple[Scope, list[str]]:
-        """Returns the lines that compute a block, and the scope in which the outputs are spelled. Values in `lanes` are `teg_lanes_8`."""
+    def _written(self, block: Sequence[Assign]) -> tuple[Scope, list[str]]:
+        """Returns the lines that compute a block, and the scope in which the outputs are spelled."""
         outputs = [o for o in dict.fromkeys((*self.found.outputs, self.found.good)) if isinstance(o, str)]
         names = {s.name for s in block}
         own = [o for o in outputs if o in self.places or o in names]
-        block = block if lanes else contracted(block, own, self.exact)
-        frame = self._framed(_steps(_late(block, [o for o in own if o in names])), own, self.places, lanes)
+        block = contracted(block, own, self.exact)
+        frame = self._framed(_steps(_late(block, [o for o in own if o in names])), own, self.places)
         text = frame.block(0)
         return frame.scope(), text
 

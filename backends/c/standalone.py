@@ -45,7 +45,7 @@ MATHEMATICS = frozenset(_MATHEMATICS.split())
 
 _KINDS = (
     "run|rest|integral|roots|places|sum|mean|polygon|segment|hyperbola|ellipse|branch|decision|straight|crossed|alone|covered|steady|narrow"
-    "|spans|runs"
+    "|spans|runs|eight"
 )
 ROUTINES = re.compile(rf"element(_part_\d+)?|({_KINDS})_\d.*")
 """What the functions in the generated text are called, whether this one has them or not."""

@@ -71,6 +71,7 @@ class StepPrinter(CellPrinter):
         self.idle: set[int] = set()  # the flat programs that only points in queues needed, which compute them again
         self.by_moments: list[tuple[Step, ...]] = []  # iterations of loops over candidates without edges, and their flat programs
         self.readers = readers_of(program)
+        self.places: dict[Arg, str] = {}  # how numbers are spelled that have no name of their own in C
         self.telling: set[int] = set()  # the flat programs that return whether their branch is taken
 
     @abstractmethod
@@ -149,7 +150,7 @@ class StepPrinter(CellPrinter):
         count, ties = len(step.results), has_ties(step.program.body)
         array = array_of(step)
         below = routine.workspace
-        inputs = [spelled(a) if isinstance(a, str) else literal(float(a)) for a in step.inputs]
+        inputs = [self._spelled(a) if isinstance(a, str) else literal(float(a)) for a in step.inputs]
 
         passed = [*([] if routine.indirect else inputs), array, *["w"] * (routine.workspace > 0), *["&ctx"] * routine.context]
         told = id(step) in self.telling
@@ -181,6 +182,10 @@ class StepPrinter(CellPrinter):
             ),
             "}",
         ]
+
+    def _spelled(self, arg: Arg) -> str:
+        """Returns an operand in C."""
+        return self.places.get(arg) or spelled(arg)
 
     def _fold(self, step: Least | Factors, depth: int) -> list[str]:
         """Returns a loop for the index of the least value, or for a product."""
@@ -347,6 +352,22 @@ def _unread(body: Sequence[Step], values: Sequence[Arg]) -> list[str]:
     """Returns lines that say that results of flat programs are not read."""
     read = {a for s in body for a in operands(s)} | set(values)
     return [f"(void){name};" for s in body if isinstance(s, Run) for name in s.results if name not in read]
+
+
+def needed(block: Sequence[Step], wanted: set[Arg]) -> list[Step]:
+    """Returns the steps of a block without loops that matter for these names."""
+    live, kept = set(wanted), []
+    for step in reversed(block):
+        if not live.isdisjoint(result_names(step)):
+            live.update(operands(step))
+            kept.append(step)
+    return kept[::-1]
+
+
+def only_run(loop: Loop) -> Run | None:
+    """Returns the flat program of an innermost loop that has just one."""
+    runs = [s for s in loop.body if isinstance(s, Run)]
+    return runs[0] if len(runs) == 1 and not any(isinstance(s, Loop) for s in loop.body) else None
 
 
 def target_of(to: int | str) -> Target:

@@ -20,6 +20,9 @@ from teg.backends.c.stages import Point, functions, results, totals
 from teg.backends.c.text import TRUTH, indent, wrapped
 from teg.program import Assign, Program
 
+SHARED = "const double *s"
+"""The declaration of the numbers that all points of a queue share."""
+
 
 class Eight(NamedTuple):
     """A C function of eight points, and its inputs."""
@@ -30,12 +33,15 @@ class Eight(NamedTuple):
 
 class Staged(NamedTuple):
     """C functions of eight points in a queue: one for all of them, and for each half-plane one for points that it alone crosses, or none.
-    `steady` is the function of the `kept` numbers which all points share; `point` is a straight line for loops over points (`covered`)."""
+    `steady` is the function of the `kept` numbers which all points share; `point` is a straight line for loops over points (`covered`). If
+    `steady` is for eight groups of points (`grouped`), the last `conditions` of these numbers are repeated elsewhere for each point."""
 
     lines: Sequence[Eight]
     steady: Eight
     kept: int
     point: Point | None = None
+    conditions: int = 0
+    grouped: bool = False
 
     @property
     def apart(self) -> int:
@@ -80,12 +86,14 @@ class Straight:
 
 class Waiting(NamedTuple):
     """The `program` of points in a queue, with the inputs that differ between them, and residues of all of them (`crossed`). The outputs
-    `sums` are only added up."""
+    `sums` are only added up. If queues are filled one after the other, inputs in `groups` differ between these, and other ones that points
+    have in common do not."""
 
     program: Program
     differing: Container[int]
     residues: Sequence[Mapping[str, int | None]] | None = None
     sums: Sequence[int] | None = None
+    groups: Container[int] | None = None
 
 
 class Once(Protocol):
@@ -144,17 +152,22 @@ def _staged(once: Once, kind: str, found: Sequence[Crossed], waiting: Waiting) -
     apart = divided(found[0], sums, differing) if sums is not None and kind == "covered" else None
     if sums is not None and apart is not None:
         found = [joined(found[0], apart, sums)]
-    made = functions(found, differing, results if sums is None else partial(totals, sums=sums), apart)
+    groups = waiting.groups
+    made = functions(found, differing, results if sums is None else partial(totals, sums=sums), apart, groups)
+    shared = [SHARED] if groups is None else [SHARED, "const double *m"]
+    unused = "(void)s;" if groups is None else "(void)s, (void)m;"
     written = "double *restrict f" if sums is None else f"double (*restrict lanes)[{SIDE}], int count"
     lines: list[Eight] = []
     for line, inside in zip(found, made.lines, strict=True):
         good = [] if line.good is True else ["double *restrict good"]
-        given = signature(inside.inputs, differing, "const double *s", written, *good)
-        name = _printed(once, kind if not lines else "alone", f"TEG_EIGHT void @({given})", ["(void)s;", *inside.text])
+        given = signature(inside.inputs, differing, *shared, written, *good)
+        name = _printed(once, kind if not lines else "alone", f"TEG_EIGHT void @({given})", [unused, *inside.text])
         lines.append(Eight(name, inside.inputs))
     text, inputs = made.steady
-    steady = _printed(once, "steady", f"static void @({signature(inputs, (), 'double *s')})", ["(void)s;", *text])
-    return Staged(lines, Eight(steady, inputs), max(1, made.kept), made.point)
+    head = f"static void @({signature(inputs, (), 'double *s')})"
+    head = head if groups is None else f"TEG_EIGHT void @({signature(inputs, groups, 'double *restrict s')})"
+    steady = _printed(once, "steady", head, ["(void)s;", *text])
+    return Staged(lines, Eight(steady, inputs), max(1, made.kept), made.point, made.conditions, groups is not None)
 
 
 def _narrow(once: Once, known: Narrowing) -> Narrow:

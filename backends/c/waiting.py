@@ -20,6 +20,8 @@ class WaitingPrinter(StepPrinter):
         super().__init__(program)
         self.straights: dict[int, Straight] = {}  # of the only flat program of an innermost loop
         self.queues: dict[int, Queue] = {}  # of such a flat program
+        self.chunk: list[str] | None = None  # declarations of the chunk that is printed
+        self.at = ""  # the number of the iteration whose carrier is printed among eight side by side
 
     def _straight_of(self, queue: Queue) -> Straight:
         """Returns the functions of what waits in a queue."""
@@ -27,19 +29,35 @@ class WaitingPrinter(StepPrinter):
 
     def _opened(self, queue: Queue) -> list[str]:
         """Returns the declaration of a queue, with what is the same for all that waits in it."""
-        straight = self._straight_of(queue)
-        lines = queue.opened(straight.crossed.apart if straight.crossed else 0)
+        straight, apart = self._straight_of(queue), self._apart(queue)
+        room = [queue.room(apart)]
+        lines = queue.opened(apart)
         for name, staged in (("same", straight.crossed), ("alike", straight.covered)):
-            if staged is not None:
+            if staged is not None and staged.grouped:
+                lines += self._shared(f"{name}_{queue.name}", staged)
+            elif staged is not None:
                 given = [spelled(queue.run.inputs[i]) for i in staged.steady.inputs]
                 lines.append(f"double {name}_{queue.name}[{staged.kept}];")
                 lines.append(f"{staged.steady.name}({', '.join([*given, f'{name}_{queue.name}'])});")
         if straight.covered is not None:
-            lines += [
-                f"double simple_{queue.name}[{max(1, len(differing(queue, straight.covered)))}][{SIDE}] = {{{{0.0}}}};",
-                f"int plain_{queue.name} = 0;",
-            ]
+            room.append(f"double simple_{queue.name}[{max(1, len(differing(queue, straight.covered)))}][{SIDE}] = {{{{0.0}}}};")
+            lines.append(f"int plain_{queue.name} = 0;")
+        if self.chunk is None:
+            return [*room, *lines]
+        self.chunk += room  # numbers that nothing waits for any more do no harm
         return lines
+
+    def _shared(self, array: str, staged: Staged) -> list[str]:
+        """Returns lines that find what all points of a queue share among that of eight queues; conditions are repeated for each point."""
+        lines = [f"const double *const {array} = {array}_eight + {self.at};"]
+        if not staged.conditions:
+            return [*lines, f"const double *const {array}_m = {array};"]
+        first = f"{array}[{SIDE} * ({staged.kept - staged.conditions} + j)]"
+        return [
+            *lines,
+            f"double {array}_m[{SIDE * staged.conditions}];",
+            f"for (int j = 0; j < {staged.conditions}; j++) for (int k = 0; k < {SIDE}; k++) {array}_m[{SIDE} * j + k] = {first};",
+        ]
 
     def _emptied(self, queue: Queue) -> list[str]:
         """Returns lines that compute what waits at the end. Few points that wait for a line of their own join those that wait for any."""
@@ -77,7 +95,7 @@ class WaitingPrinter(StepPrinter):
         calls: list[str] = []
         for line in crossed.lines:
             given = [f"waits[{queue.varying.index(i)}]" if i in queue.varying else spelled(run.inputs[i]) for i in line.inputs]
-            calls.append(f"{line.name}({', '.join([*given, f'same_{name}', *more])});")
+            calls.append(f"{line.name}({', '.join([*given, *shared_by(f'same_{name}', crossed), *more])});")
         if len(calls) == 1:
             return calls
         cases = [f"{f'case {n}' if n else 'default'}: {call} break;" for n, call in enumerate(calls)]
@@ -96,7 +114,13 @@ class WaitingPrinter(StepPrinter):
 
         def one_by_one(*lines: str) -> list[str]:
             inside = ["if (good[k] != 0.0) continue;", declaration, *inputs, *call, *lines]
-            return ["for (int k = 0; k < waiting; k++) {", *indent(*inside), "}"]
+            return [
+                "int left = 0;",
+                f"for (int k = 0; k < {SIDE}; k++) left |= (k < waiting) & (good[k] == 0.0);",
+                "for (int k = 0; left && k < waiting; k++) {",
+                *indent(*inside),
+                "}",
+            ]
 
         if not queue.after:
             return [
@@ -130,7 +154,7 @@ class WaitingPrinter(StepPrinter):
         kept = differing(queue, covered)
         given = [f"simple_{name}[{kept.index(i)}]" if i in kept else spelled(queue.run.inputs[i]) for i in covered.lines[0].inputs]
         return [
-            f"{covered.lines[0].name}({', '.join([*given, f'alike_{name}', f'lanes_{name}', f'plain_{name}'])});",
+            f"{covered.lines[0].name}({', '.join([*given, *shared_by(f'alike_{name}', covered), f'lanes_{name}', f'plain_{name}'])});",
             f"plain_{name} = 0;",
         ]
 
@@ -164,6 +188,11 @@ class WaitingPrinter(StepPrinter):
     def _in_lanes(self, step: Loop) -> set[str]:
         """Returns the results of an iteration that are added up in the lanes of a queue."""
         return {r for q in self.queues.values() if not q.after and step in q.chain for s in q.chain for r in (*s.results, *q.run.results)}
+
+
+def shared_by(array: str, staged: Staged) -> list[str]:
+    """Returns the arguments that have what all points of a queue share."""
+    return [array, f"{array}_m"] if staged.grouped else [array]
 
 
 def differing(queue: Queue, staged: Staged) -> list[int]:

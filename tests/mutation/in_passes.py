@@ -278,6 +278,13 @@ IN_PASSES: tuple[Mutant, ...] = (
         ("a matrix of zeros", "disjunction(negation(curved), conjunction", "disjunction(conjunction"),
     ),
     *mutants(
+        "teg/passes/eliminate/circle.py",
+        ("tests/passes/eliminate/test_circle.py",),
+        ("the far half of a circle", "where(is_small, frame.part(coefficient, far), ZERO)", "ZERO"),
+        ("the distance to the far half", "(sub(rise, far), sub(integer_power(far, 2), square))", "(sub(rise, far), square)"),
+        ("borders of others along a circle", "mul(lead, self.square))", "ZERO)"),
+    ),
+    *mutants(
         "teg/passes/intrinsics/pole/match.py",
         ("tests/backends/test_poles.py",),
         ("zero of a denominator", "at = divided(-linear.get((0,), 0), linear[1,])", "at = divided(linear.get((0,), 0), linear[1,])"),

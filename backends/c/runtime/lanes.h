@@ -35,6 +35,17 @@ typedef double __attribute__((vector_size(64), aligned(8), may_alias)) teg_lanes
 typedef double teg_lanes_8;
 #endif
 
+//: teg_fma_8
+/* x y + z, rounded once where that is one operation. Some of the three are numbers side by side: a difference from 0 makes them of one
+   number. */
+#if defined(__AVX512F__) && defined(__GNUC__) && !defined(__clang__)
+#define teg_fma_8(x, y, z) \
+    ((teg_lanes_8)__builtin_ia32_vfmaddpd512_mask( \
+        (x) - (teg_lanes_8){0.0}, (y) - (teg_lanes_8){0.0}, (z) - (teg_lanes_8){0.0}, -1, 4))
+#else
+#define teg_fma_8(x, y, z) ((x) * (y) + (z))
+#endif
+
 //: teg_flags_8
 /* Flags side by side: all bits of a number, or none. */
 #ifdef __GNUC__

@@ -34,12 +34,12 @@ def test_what_is_the_same_at_all_points_is_computed_apart() -> None:
 
 
 def test_in_a_picture_it_is_computed_once_for_each_face() -> None:
-    """Once for the pixels that an edge crosses, and once for those that none does."""
+    """Once for the pixels that an edge crosses, and once for those that none does, for eight faces at a time."""
     e, wrt = picture()
     source = teg.compile(e, wrt, backend="c").source
     for kind in ("crossed", "covered"):
         ((name, at),) = [(m.group(1), m.start()) for m in re.finditer(rf"(?<=\n)TEG_EIGHT void ({kind}_\d+)\(", source)]
-        (steady,) = re.findall(r"(?<=\n)static void (steady_\d+)\(", source[at:])[:1]
+        (steady,) = re.findall(r"(?<=\n)TEG_EIGHT void (steady_\d+)\(", source[at:])[:1]
         assert len(re.findall(rf"\b{steady}\(", source)) == 2  # the function, and its call
         assert len(re.findall(rf"\b{name}\(", source)) == 3  # the function, where the queue is full, and at the end
 

@@ -94,7 +94,7 @@ def test_least_keys() -> None:
 
 
 def test_products_with_the_hessian() -> None:
-    rows, moved = random_sites(5, seed=12), np.random.default_rng(1).normal(size=(5, 4)) * [1.0, 1.0, 1.0, 0.0]
+    rows, moved = random_sites(3, seed=12), np.random.default_rng(1).normal(size=(3, 4)) * [1.0, 1.0, 1.0, 0.0]
     f = teg.compile(WINNER, [D])
     h = 2e-4
     around = [slopes(rows + s * h * moved) - slopes(rows - s * h * moved) for s in (1, 2, 3)]
@@ -103,7 +103,7 @@ def test_products_with_the_hessian() -> None:
 
 
 def test_far_from_the_origin() -> None:
-    rows = random_sites(4, seed=13)
+    rows = random_sites(3, seed=13)
     far = teg.integral(teg.nearest(D[k, 3], KEY, ALL), (x, 1024, 1025), (y, 1024, 1025))
     moved = rows + np.array([1024.0, 1024.0, 0.0, 0.0])
     rows[:, :2] = moved[:, :2] - 1024.0
