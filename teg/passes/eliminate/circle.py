@@ -35,7 +35,8 @@ from teg.passes.eliminate.conic import born
 from teg.passes.eliminate.matrix import written_form
 
 SMALL = 0.3
-"""The least |h|, times half of the diagonal of the box, of a circle of which both halves are followed. Those with 0.25·√2 can be in the box."""
+"""The least |h|, times half of the diagonal of the box, of a circle of which both halves are followed: both can be in the box from
+0.25·√2 on."""
 REACH = 2.0 * math.sqrt(2.0)
 """How far s is followed on a larger circle, relative to half of the diagonal: points of the box are at most two of these apart."""
 Vector = tuple[Expr, Expr]
