@@ -97,8 +97,8 @@ def rewrite_circle(g: Expr, coefficient: Expr, chain: Chain, data: Circle) -> Ex
     near = add(middle[0], mul(away, across[0])), add(middle[1], mul(away, across[1]))
     frame = _Frame(g, (mine[0], mine[1]), near, across, length, reach, mul(bend, reach))
     far = where(is_small, div(ONE, where(is_small, bend, ONE)), ZERO)
-    parts_ = add(frame.part(coefficient, None), where(is_small, frame.part(coefficient, far), ZERO))
-    return nest(where(place.exists, parts_, ZERO), others)
+    halves = add(frame.part(coefficient, None), where(is_small, frame.part(coefficient, far), ZERO))
+    return nest(where(place.exists, halves, ZERO), others)
 
 
 @dataclass(frozen=True)
@@ -144,7 +144,7 @@ class _Frame:
         for mark in marks_of(value):
             around, names = cast(Slot, mark.callee).data[4]
             if mark.children == at:
-                about = _About(*(fresh(name, names) for name in ("p", "q", "m", "n")), *steps)
+                about = _About._make([*(fresh(name, names) for name in ("p", "q", "m", "n")), *steps])
                 condition, within = (about.relative(c, names) for c in (around.condition, around.within))
                 n = len(names) + len(about)
                 callee = Slot.make((0, n, n, None, (around._replace(condition=condition, within=within), (*names, *about))), ())
