@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import lru_cache
-from itertools import islice
 from typing import Any
 
 from teg.analysis.evaluate import values_of
@@ -38,7 +37,7 @@ Points = Mapping[Expr, Any]
 
 def is_zero_on(e: Expr, g: Expr) -> bool:
     """Returns whether e is 0 on the surface g = 0, if one of them has a function in it; False if that is not known."""
-    if not (_can_be_tried(e) and _can_be_tried(g) and (_has_function(e) or _has_function(g))):
+    if not ((_has_function(e) or _has_function(g)) and _can_be_tried(e) and _can_be_tried(g)):
         return False
     points = _zeros(g)
     if points is None:
@@ -57,12 +56,11 @@ def is_zero_on(e: Expr, g: Expr) -> bool:
 
 def _can_be_tried(e: Expr) -> bool:
     """Returns whether an expression is small, and smooth: at a tie rounding would decide a condition."""
-    nodes = list(islice(postorder([e]), MOST_NODES + 1))
-    return len(nodes) <= MOST_NODES and not any(isinstance(n, Where | Compare | Integral) for n in nodes)
+    return not e.kinds & (Where.bit | Compare.bit | Integral.bit) and len(postorder([e])) <= MOST_NODES
 
 
 def _has_function(e: Expr) -> bool:
-    return any(isinstance(n, Call) for n in postorder([e]))
+    return e.kinds & Call.bit != 0
 
 
 def _symbols(e: Expr) -> list[Expr]:

@@ -14,7 +14,7 @@ from typing import cast
 from teg.analysis.breaks import BreakAnalysis
 from teg.ir.expr import ONE, Add, Compare, Expr, Mul
 from teg.ir.integral import Integral, integral_over
-from teg.ir.node import Node, postorder
+from teg.ir.node import Node, nodes_of
 from teg.ir.simplify import add, mul
 from teg.ir.traverse import rewrite
 from teg.passes.lower.intervals import interval_of
@@ -60,4 +60,4 @@ def _terms(body: Expr, node: Integral) -> list[Expr]:
 
 def _atoms(e: Node, node: Integral) -> frozenset[Node]:
     """Returns the conditions of an expression on the variable of integration."""
-    return frozenset(n for n in postorder([e]) if isinstance(n, Compare) and node.var in n.free)
+    return frozenset(n for n in nodes_of(Compare, e) if node.var in n.free)

@@ -20,9 +20,9 @@ from teg.analysis.intervals import Enclosure
 from teg.analysis.sharp import LARGEST, range_of, sizes
 from teg.analysis.surfaces import binders_inside
 from teg.errors import NotDifferentiableError
-from teg.ir.expr import ZERO, Call, Const, Expr, Pow, Var, const
+from teg.ir.expr import ZERO, Call, Const, Expr, Pow, Var, called, calls_of, const
 from teg.ir.integral import Integral
-from teg.ir.node import Node, postorder
+from teg.ir.node import Node
 from teg.ir.simplify import call, mul, positive, sub, where
 from teg.ir.traverse import fresh, rewrite_below
 
@@ -51,7 +51,7 @@ class Changes:
             return _INFINITY
         part: Expr = self.value
         base = cast(Expr, node.children[0])
-        if any(isinstance(n, Call) and n.name == "log" and n.children[0] is base for n in postorder(self.bodies)):
+        if any(n.children[0] is base for n in calls_of(called("log"), *self.bodies)):
             exponent = const(float(node.exponent)) if isinstance(node, Pow) else node.children[-1]
             part, most = mul(self.value, call("pow", base, mul(const(0.5), exponent))), call("sqrt", most)
         key = (node,) if inner is None else (node, inner)

@@ -16,7 +16,7 @@ from teg.analysis.centres import Centres, is_high
 from teg.analysis.endless import factor_of_logarithm
 from teg.analysis.polynomial import Shadow
 from teg.analysis.tails import infinite_ends, is_unbounded
-from teg.ir.expr import MINUS_ONE, ZERO, Add, Call, Const, Expr, Var
+from teg.ir.expr import MINUS_ONE, ZERO, Add, Call, Const, Expr, Var, called, calls_of
 from teg.ir.integral import Integral
 from teg.ir.node import Node, postorder
 from teg.ir.simplify import div, mul
@@ -93,8 +93,8 @@ class Features:
         """Yields the linear and quadratic exponents in the integrands, with slope at 0 and curvature."""
         x, bodies = group[0].var, [i.body for i in group]
         inner = self.binders(bodies)
-        for node in postorder(bodies):
-            if isinstance(node, Call) and node.name == "exp" and x in node.free:
+        for node in calls_of(called("exp"), *bodies):
+            if x in node.free:
                 pair = self.quadratic(node, x, inner)
                 if pair is not None:
                     yield node.children[0], pair

@@ -444,7 +444,7 @@ class _ArrayScheduler:
     def _cell(self, level: _Level, values: Sequence[Expr]) -> list[Arg]:
         """Returns names of numbers at a level. Expressions are computed by flat programs, cut where they stop depending on an index."""
         levels = self._indices(level)
-        simple = {v for v in values if isinstance(v, Const | Gather | IndexValue) or self._known(v, levels) is not None}
+        simple = dict.fromkeys(v for v in values if isinstance(v, Const | Gather | IndexValue) or self._known(v, levels) is not None)
         rest = list(dict.fromkeys(v for v in values if v not in simple))
         names: dict[Expr, Arg] = {v: float(v.data) if isinstance(v, Const) else self._leaf(v, level) for v in simple}
         if rest:

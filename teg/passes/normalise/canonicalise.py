@@ -209,7 +209,7 @@ class Canonical:
         numeric = isinstance(integral.lo, Const) and isinstance(integral.hi, Const)  # otherwise parameters in g leave nothing to decide
         changed: dict[Compare, Cond] = {}
         for atom in atoms_of(body, x):
-            if atom.g.free & inner or atom.resolution is not None or (numeric and any(isinstance(n, Param) for n in postorder([atom.g]))):
+            if atom.g.free & inner or atom.resolution is not None or (numeric and atom.g.kinds & Param.bit):
                 continue
             for bound, other in ((integral.hi, integral.lo), (integral.lo, integral.hi)):
                 if Shadow((x,)).degree(atom.g) != 1:
