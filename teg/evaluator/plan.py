@@ -52,7 +52,19 @@ from teg.passes.normalise.partitions import Refused
 from teg.passes.normalise.tables import with_tables
 from teg.passes.program.errors_in_loops import with_array_error_estimates
 from teg.passes.program.link import with_bodies
-from teg.pipeline import ESTIMATORS, Elimination, compiled_outputs, finished, flat_program, flatten, jvp, normal_form, program_for
+from teg.pipeline import (
+    ESTIMATORS,
+    Begun,
+    Elimination,
+    begun,
+    compiled_outputs,
+    finished,
+    flat_program,
+    flatten,
+    jvp,
+    normal_form,
+    program_for,
+)
 from teg.program import Program
 from teg.program.arrays import ArrayProgram
 
@@ -243,18 +255,30 @@ class Derivation:
 
     # -- without loops -------------------------------------------------------------------------------------------------
 
-    def _flat_outputs(self, wanted: Wanted, entry: int | None) -> list[Expr]:
+    def _flat_outputs(self, wanted: Wanted, entry: int | None, beginning: Begun | None = None) -> list[Expr]:
         task = self.task
-        source, wrt = task.expression if entry is None else self.entries[entry], cast("tuple[Param, ...]", task.wrt)
+        source, wrt = self._source(entry), cast("tuple[Param, ...]", task.wrt)
         for direction in self.directions(wanted):
             source = self._without_deltas(jvp(source, cast("dict[Param | Var, object]", direction), task.maps))
-        outputs = compiled_outputs(source, wrt, wanted.orders, task.estimator, task.elimination)
+        outputs = compiled_outputs(source, wrt, wanted.orders, task.estimator, task.elimination, beginning)
         return outputs if wanted.values else outputs[1:]
+
+    def _source(self, entry: int | None) -> Expr:
+        return self.task.expression if entry is None else self.entries[entry]
+
+    def _derived_with_values(self, wanted: Wanted, entry: int | None) -> tuple[list[Expr], list[Expr]]:
+        """Returns the outputs and those of the values alone. Both are derived from one normal form."""
+        if not wanted.along and wanted != VALUE and self.task.estimator.has_all_orders and (VALUE, entry) not in self._outputs:
+            beginning = begun(self._source(entry), self.task.elimination)
+            for each in (wanted, VALUE):
+                self._outputs.get((each, entry), partial(self._flat_outputs, each, entry, beginning))
+        return self.outputs(wanted, entry), self.outputs(VALUE, entry)
 
     def _flat(self, wanted: Wanted, entry: int | None, errors: bool, how: Integration) -> Program:
         names = [p.name for p in self.arguments(wanted)]
-        outputs = [leaf for e in self.outputs(wanted, entry) for leaf in flatten(e)]
-        program = program_for(outputs, names, how, errors, about=About(differentiated=flatten(self.outputs(VALUE, entry)[0])))
+        derived, values = self._derived_with_values(wanted, entry)
+        outputs = [leaf for e in derived for leaf in flatten(e)]
+        program = program_for(outputs, names, how, errors, about=About(differentiated=flatten(values[0])))
         return replace(program, weighs_ties=is_second(wanted))
 
     # -- with loops ----------------------------------------------------------------------------------------------------

@@ -59,8 +59,11 @@ class Node:
         return _interned(key) if node is None else node  # type: ignore[return-value]
 
     def _free_variables(self) -> frozenset[Any]:
-        children = self.children
-        return children[0].free if len(children) == 1 else union([c.free for c in children])
+        free = _NO_NAMES
+        for c in self.children:
+            if c.free is not free and not c.free <= free:
+                free = c.free if free <= c.free else free | c.free
+        return free
 
     def _own_kinds(self) -> int:
         return self.own_kinds
