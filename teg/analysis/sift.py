@@ -15,7 +15,7 @@ from teg.ir.expr import ONE, ZERO, Add, Call, Expr, Mul, Pow, Where
 from teg.ir.integral import Delta, Integral
 from teg.ir.node import nodes_of, postorder_to
 from teg.ir.simplify import add, mul, negation, where
-from teg.ir.traverse import rewrite
+from teg.ir.traverse import rewritten
 
 
 def deltas_of(e: Expr) -> list[Delta]:
@@ -74,4 +74,4 @@ def _merge(dictionaries: object) -> dict[Chain, Expr]:
 
 def without(e: Expr, targets: set[Delta]) -> Expr:
     """Returns e with these deltas replaced by 0."""
-    return cast(Expr, rewrite([e], lambda old, new: ZERO if old in targets else new)[e])
+    return rewritten(e, Delta.bit, lambda old, new: ZERO if old in targets else new)

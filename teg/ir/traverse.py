@@ -30,7 +30,7 @@ from teg.ir.expr import (
 )
 from teg.ir.function import Apply
 from teg.ir.integral import ClosedForm, Delta, Integral, PointMasses, delta, integral_over
-from teg.ir.node import Node, postorder, postorder_through, union
+from teg.ir.node import Node, postorder, postorder_through, postorder_to, union
 from teg.ir.operands import as_program
 
 Result = TypeVar("Result")
@@ -113,6 +113,14 @@ def rewrite(roots: Iterable[Node], visit: Callable[[Node, Node], Node]) -> dict[
     for node in postorder(roots):
         new[node] = visit(node, rebuild(node, tuple([new[c] for c in node.children])))
     return new
+
+
+def rewritten(root: Expr, kinds: int, visit: Callable[[Node, Node], Node]) -> Expr:
+    """Returns the same of an expression in which only nodes of some kinds are replaced. What holds none of these is not visited."""
+    new: dict[Node, Node] = {}
+    for node in postorder_to([root], kinds):
+        new[node] = visit(node, rebuild(node, tuple([new.get(c, c) for c in node.children])))
+    return cast(Expr, new.get(root, root))
 
 
 def rewrite_below(roots: Iterable[Node], replacement: Callable[[Node], Node | None]) -> dict[Node, Node]:

@@ -251,6 +251,8 @@ def with_gaps(e: Expr, derive: Derive) -> Expr:
         return e
 
     def replacement(node: Node) -> Node | None:
+        if not node.kinds & Apply.bit:
+            return node
         if isinstance(node, Where) and not node.free and marks_of(node):
             return _of_branches(node, derive)
         if isinstance(node, Integral) and marks_of(node):

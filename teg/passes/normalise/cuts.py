@@ -50,7 +50,7 @@ from teg.ir.expr import (
 )
 from teg.ir.node import Node, postorder
 from teg.ir.simplify import add, call, conjunction, disjunction, div, half_angle, integer_power, mul, negation, positive, sub, where
-from teg.ir.traverse import formed_of, parameters, rebuild, rewrite, stands_in, substitute
+from teg.ir.traverse import formed_of, parameters, rebuild, rewrite, rewritten, stands_in, substitute
 from teg.passes.normalise.denominators import cleared, has_variable_denominator, tangents_as_quotients
 from teg.passes.normalise.piecewise import written_out
 from teg.passes.normalise.quotients import with_whole_branches
@@ -66,7 +66,7 @@ def with_cuts(root: Expr) -> Expr:
     """Returns the program with jumps of functions as conditions. Its value is the same."""
     if not any(n.free for n in calls_of(_JUMPING, root)):
         return root
-    root = cast(Expr, rewrite([root], lambda _, node: _with_turns(node))[root])
+    root = rewritten(root, Compare.bit, lambda _, node: _with_turns(node))
     order = postorder([root])
     inside, outside, cuts = dict[Node, Node](), dict[Node, Node](), _Cuts()
     in_conditions = set(postorder([n for n in order if isinstance(n, Compare)]))

@@ -21,7 +21,7 @@ from teg.ir.expr import FALSE, MINUS_ONE, TRUE, ZERO, And, Compare, Cond, Expr, 
 from teg.ir.integral import Integral, integral_over
 from teg.ir.node import Node, nodes_of
 from teg.ir.simplify import add, conjunction, mul, negation, positive, where
-from teg.ir.traverse import replace_node, rewrite
+from teg.ir.traverse import replace_node, rewrite, rewritten
 from teg.passes.normalise.piecewise import alternatives
 from teg.passes.normalise.squares import with_sizes
 from teg.passes.normalise.thresholds import without_threshold
@@ -66,7 +66,7 @@ def with_regions(root: Expr) -> Expr:
         parts = (where(conjunction(*r.conditions), r.body, ZERO) for r in regions)
         return add(*(integral_over(part, node.var, node.lo, node.hi) for part in parts)) if regions else node
 
-    return cast(Expr, rewrite([root], visit)[root])
+    return rewritten(root, Integral.bit, visit)
 
 
 class _Borders:
