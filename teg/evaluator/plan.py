@@ -33,6 +33,7 @@ from teg.ir.expr import ZERO, Expr, Param, Var
 from teg.ir.index import ArrayName
 from teg.ir.node import Node, postorder
 from teg.ir.still import has_still, released
+from teg.ir.traverse import size
 from teg.ir.uncovered import Uncovered
 from teg.maps.diffeomorphism import Diffeomorphism
 from teg.passes.differentiate.edges import values_along_edges
@@ -70,6 +71,8 @@ from teg.program.arrays import ArrayProgram
 
 KEPT = 64
 """The largest number of programs that a derivation keeps. The oldest is dropped, and made again when it is needed."""
+SHORT = 10_000
+"""Nodes of a program of which the beginning of its derivations is kept, at most."""
 K = TypeVar("K", bound=Hashable)
 V = TypeVar("V")
 
@@ -212,6 +215,7 @@ class Derivation:
         self.entries = flatten(task.expression)
         self.first_only = not task.estimator.has_all_orders
         self.has_loops = _has_loops(task.expression, task.leaves, task.integers)
+        self._begun: Kept[Expr, Begun] = Kept(1)
         self._outputs: Kept[tuple[Wanted, int | None], list[Expr]] = Kept()
         self._programs: Kept[tuple[Wanted, int | None, bool, Integration], Program | ArrayProgram] = Kept()
 
@@ -255,29 +259,26 @@ class Derivation:
 
     # -- without loops -------------------------------------------------------------------------------------------------
 
-    def _flat_outputs(self, wanted: Wanted, entry: int | None, beginning: Begun | None = None) -> list[Expr]:
+    def _flat_outputs(self, wanted: Wanted, entry: int | None) -> list[Expr]:
         task = self.task
-        source, wrt = self._source(entry), cast("tuple[Param, ...]", task.wrt)
+        source, wrt = task.expression if entry is None else self.entries[entry], cast("tuple[Param, ...]", task.wrt)
+        beginning = None if wanted.along or (self.first_only and wanted.orders) else self._beginning(source)
         for direction in self.directions(wanted):
             source = self._without_deltas(jvp(source, cast("dict[Param | Var, object]", direction), task.maps))
         outputs = compiled_outputs(source, wrt, wanted.orders, task.estimator, task.elimination, beginning)
         return outputs if wanted.values else outputs[1:]
 
-    def _source(self, entry: int | None) -> Expr:
-        return self.task.expression if entry is None else self.entries[entry]
-
-    def _derived_with_values(self, wanted: Wanted, entry: int | None) -> tuple[list[Expr], list[Expr]]:
-        """Returns the outputs and those of the values alone. Both are derived from one normal form."""
-        if not wanted.along and wanted != VALUE and self.task.estimator.has_all_orders and (VALUE, entry) not in self._outputs:
-            beginning = begun(self._source(entry), self.task.elimination)
-            for each in (wanted, VALUE):
-                self._outputs.get((each, entry), partial(self._flat_outputs, each, entry, beginning))
-        return self.outputs(wanted, entry), self.outputs(VALUE, entry)
+    def _beginning(self, source: Expr) -> Begun:
+        """Returns the beginning that values and derivatives share. It is kept, unless the program is long."""
+        beginning = self._begun.get(source, lambda: begun(source, self.task.elimination))
+        if size(beginning.normal) > SHORT:
+            self._begun.drop(source)
+        return beginning
 
     def _flat(self, wanted: Wanted, entry: int | None, errors: bool, how: Integration) -> Program:
         names = [p.name for p in self.arguments(wanted)]
-        derived, values = self._derived_with_values(wanted, entry)
-        outputs = [leaf for e in derived for leaf in flatten(e)]
+        values = self.outputs(VALUE, entry)
+        outputs = [leaf for e in self.outputs(wanted, entry) for leaf in flatten(e)]
         program = program_for(outputs, names, how, errors, about=About(differentiated=flatten(values[0])))
         return replace(program, weighs_ties=is_second(wanted))
 

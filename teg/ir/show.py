@@ -53,7 +53,7 @@ def show_within(root: Node, limit: int) -> str | None:
     text: dict[Node, tuple[str, int]] = {}
     total = 0
     for node in postorder([root]):
-        text[node] = _line(node, text)
+        text[node] = _line(node, [text[c] for c in node.children], text)
         total += len(text[node][0])
         if total > 20 * limit or len(text[node][0]) > limit:
             return None
@@ -64,9 +64,7 @@ def _wrapped(part: tuple[str, int], at_least: int) -> str:
     return part[0] if part[1] >= at_least else f"({part[0]})"
 
 
-def _line(node: Node, text: Mapping[Node, tuple[str, int]]) -> tuple[str, int]:
-    """Returns the text of a node and how strongly it binds, given those of all nodes below."""
-    parts = [text[c] for c in node.children]
+def _line(node: Node, parts: list[tuple[str, int]], text: Mapping[Node, tuple[str, int]]) -> tuple[str, int]:
     match node:
         case Const():
             return number(node.data), _ATOM if node.data >= 0 else _SUM
@@ -122,7 +120,7 @@ def _line(node: Node, text: Mapping[Node, tuple[str, int]]) -> tuple[str, int]:
         case PointMasses():
             return f"masses({parts[0][0]} = 0)", _ATOM
         case Cond():
-            return _condition_line(node, text)
+            return _condition_line(node, parts, text)
         case _:
             raise AssertionError(f"unknown node {type(node).__name__}")
 
@@ -141,8 +139,7 @@ def _ranged_line(node: Ranged, parts: list[tuple[str, int]]) -> tuple[str, int]:
             return f"{type(node).__name__.lower()}{over}({', '.join(p[0] for p in parts)})", _ATOM
 
 
-def _condition_line(node: Cond, text: Mapping[Node, tuple[str, int]]) -> tuple[str, int]:
-    parts = [text[c] for c in node.children]
+def _condition_line(node: Cond, parts: list[tuple[str, int]], text: Mapping[Node, tuple[str, int]]) -> tuple[str, int]:
     match node:
         case Truth():
             return ("true" if node.data else "false"), _NOT

@@ -61,7 +61,6 @@ ELSEWHERE = {
         "cells": "tests/ir/test_arrays.py",
         "index": "tests/ir/test_integers_and_masks.py",
         "integral": "tests/ir/test_expr.py",
-        "node": "tests/ir/test_pickle_and_threads.py",
         "operands": "tests/ir/test_expr.py",
         "partition": "tests/ir/test_choices.py",
         "tables": "tests/passes/normalise/test_tables.py",

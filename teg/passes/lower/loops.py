@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache
 from typing import cast
 
 from teg.errors import DeltaError
@@ -124,7 +125,7 @@ class _ArrayScheduler:
         self._sources = _sources(differentiated)
         self._number = {a: k for k, a in enumerate(self.arrays)}
         self._count = 0
-        self._titles: dict[Expr, str] = {}
+        self._title: Callable[[Expr], str] = cache(lambda leaf: str(leaf)[:60])
         self._depth: dict[Arg, int] = {}  # by name: the level where it is defined
         self._open: dict[Node, frozenset[IndexVar]] = {}
         self._sloped: set[Node] = set()  # partitions of which derivatives are used
@@ -469,12 +470,6 @@ class _ArrayScheduler:
         program = replace(program, parameters=(*map(self._title, leaves), *(p.name for p in plain)))
         depths = [self._depth.get(a, 0) if isinstance(a, str) else 0 for a in given]
         return self._split(level, program, given, depths)
-
-    def _title(self, leaf: Expr) -> str:
-        """Returns the name of a leaf as a parameter of a flat program."""
-        if leaf not in self._titles:
-            self._titles[leaf] = str(leaf)[:60]
-        return self._titles[leaf]
 
     def _sources_of(self, symbols: Mapping[Expr, Param]) -> list[Expr]:
         """Returns the integrals whose derivatives may be in a cell: those that need no other leaves than it has."""
