@@ -17,13 +17,14 @@ from __future__ import annotations
 
 import threading
 import weakref
-from collections.abc import Callable, Hashable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Generic, NamedTuple, TypeVar, cast
+from typing import NamedTuple, cast
 
 from teg.analysis.settings import Integration
 from teg.errors import EstimatorError, NotDifferentiableError
+from teg.evaluator.kept import Kept
 from teg.evaluator.options import Options
 from teg.evaluator.timing import log, timed
 from teg.ir import simplify
@@ -69,12 +70,8 @@ from teg.pipeline import (
 from teg.program import Program
 from teg.program.arrays import ArrayProgram
 
-KEPT = 64
-"""The largest number of programs that a derivation keeps. The oldest is dropped, and made again when it is needed."""
 SHORT = 10_000
 """Nodes of a program of which the beginning of its derivations is kept, at most."""
-K = TypeVar("K", bound=Hashable)
-V = TypeVar("V")
 
 
 class Wanted(NamedTuple):
@@ -125,52 +122,6 @@ def directions_of(wanted: Wanted, known: Sequence[Param | ArrayName]) -> list[di
         found.append({p: _renamed(p, f"{mark}{p.name}") for p in moving})
         names |= {q.name for q in found[-1].values()}
     return found
-
-
-class Kept(Generic[K, V]):
-    """A table of the latest entries, at most `most` of them. Safe to share between threads."""
-
-    def __init__(self, most: int = KEPT) -> None:
-        self._most = most
-        self._table: dict[K, V] = {}
-        self._lock = threading.RLock()
-
-    def get(self, key: K, make: Callable[[], V]) -> V:
-        """Returns the entry of a key, made if it is missing; the oldest entries are dropped."""
-        found = self._table.get(key)
-        if found is not None:
-            return found
-        with self._lock:
-            if key not in self._table:
-                self._table[key] = make()
-                while len(self._table) > self._most:
-                    del self._table[next(iter(self._table))]
-            return self._table[key]
-
-    def peek(self, key: K, default: V) -> V:
-        """Returns the entry of a key, or the default."""
-        return self._table.get(key, default)
-
-    def put(self, key: K, value: V) -> None:
-        """Replaces an entry."""
-        with self._lock:
-            self._table.pop(key, None)
-            self.get(key, lambda: value)
-
-    def __contains__(self, key: K) -> bool:
-        return key in self._table
-
-    def first(self) -> V | None:
-        """Returns the oldest entry, or None."""
-        return next(iter(self._table.values()), None)
-
-    def __iter__(self) -> Iterator[K]:
-        return iter(list(self._table))
-
-    def drop(self, key: K) -> None:
-        """Drops an entry, if there is one."""
-        with self._lock:
-            self._table.pop(key, None)
 
 
 @dataclass(frozen=True)

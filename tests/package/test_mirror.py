@@ -50,6 +50,7 @@ ELSEWHERE = {
         "counting": "tests/passes/normalise/test_padded.py",
         "explain": "tests/report/test_explain.py",
         "framework": "tests/interop/test_jax.py",
+        "kept": "tests/evaluator/test_runs.py",
         "kernels": "tests/evaluator/test_evaluator.py",
         "lengths": "tests/evaluator/test_evaluator.py",
         "options": "tests/evaluator/test_compile.py",
