@@ -77,12 +77,18 @@ def add(*terms: Expr) -> Expr:
             merged = where(condition, add(*(mul(c, w.then) for c, w in times)), add(*(mul(c, w.otherwise) for c, w in times)))
             if merged is not ZERO:
                 parts[merged] = parts.get(merged, 0.0) + 1.0
-    kept = [mul(const(c), product) if c != 1.0 else product for product, c in parts.items() if c != 0.0]
+    kept = [_multiple(c, product) if c != 1.0 else product for product, c in parts.items() if c != 0.0]
     if constant != 0.0:
         kept.append(const(constant))
     if not kept:
         return ZERO
     return kept[0] if len(kept) == 1 else Add.make(None, tuple(kept))
+
+
+def _multiple(c: float, e: Expr) -> Expr:
+    """Returns a number, neither 0 nor 1, times an expression."""
+    is_factor = type(e) not in (Mul, Where, Const)  # of which nothing is simplified
+    return Mul.make(None, (const(c), e)) if is_factor else mul(const(c), e)
 
 
 def collected(e: Expr) -> Expr:
