@@ -6,6 +6,7 @@ import pytest
 
 import teg
 from teg.analysis.polynomial import Point, Shadow, is_null
+from teg.ir.expr import ONE, Add
 from teg.ir.simplify import call
 from teg.numerics.field import P
 
@@ -112,6 +113,6 @@ def test_a_denominator_of_1_is_shared_without_harm() -> None:
     before = shadow.of(part)
     assert before is not None
     kept = dict(before[0]), dict(before[1])
-    shadow.of(1 + part + x)
+    shadow.of(Add.make(None, (ONE, part, x)))
     shadow.of(part + part * x + 1 / (x - a))
     assert shadow.of(part) == kept
