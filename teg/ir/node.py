@@ -66,6 +66,7 @@ class Node:
         return free
 
     def _own_kinds(self) -> int:
+        """Returns the bits of this node alone."""
         return self.own_kinds
 
     def __copy__(self: N) -> N:

@@ -49,7 +49,7 @@ def show(root: Node, limit: int = _LIMIT) -> str:
 
 
 def show_within(root: Node, limit: int) -> str | None:
-    """Returns the same; None for a program that is too long for one line."""
+    """Returns the expression as one line of mathematics; None if it is too long for that."""
     text: dict[Node, tuple[str, int]] = {}
     total = 0
     for node in postorder([root]):

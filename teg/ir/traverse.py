@@ -116,7 +116,7 @@ def rewrite(roots: Iterable[Node], visit: Callable[[Node, Node], Node]) -> dict[
 
 
 def rewritten(root: Expr, kinds: int, visit: Callable[[Node, Node], Node]) -> Expr:
-    """Returns the same of an expression in which only nodes of some kinds are replaced. What holds none of these is not visited."""
+    """Returns an expression as `rewrite` does, where `visit` replaces nodes of some kinds only. What holds none of these is not visited."""
     new: dict[Node, Node] = {}
     for node in postorder_to([root], kinds):
         new[node] = visit(node, rebuild(node, tuple([new.get(c, c) for c in node.children])))
