@@ -15,7 +15,7 @@ from teg.analysis.evaluate import values_of
 from teg.errors import OperandError
 from teg.ir.expr import Add, Call, Compare, Expr, Mul, Param, Var, Where
 from teg.ir.integral import Integral
-from teg.ir.node import postorder
+from teg.ir.node import Node, postorder
 
 TRIALS = 32
 """The number of random choices of all symbols but one; half of them have positive values only, for roots and logarithms."""
@@ -56,7 +56,19 @@ def is_zero_on(e: Expr, g: Expr) -> bool:
 
 def _can_be_tried(e: Expr) -> bool:
     """Returns whether an expression is small, and smooth: at a tie rounding would decide a condition."""
-    return not e.kinds & (Where.bit | Compare.bit | Integral.bit) and len(postorder([e])) <= MOST_NODES
+    return not e.kinds & (Where.bit | Compare.bit | Integral.bit) and _is_small(e)
+
+
+def _is_small(e: Node) -> bool:
+    """Returns whether an expression has at most MOST_NODES nodes, of which no more are visited."""
+    seen: set[Node] = set()
+    stack = [e]
+    while stack and len(seen) <= MOST_NODES:
+        node = stack.pop()
+        if node not in seen:
+            seen.add(node)
+            stack.extend(node.children)
+    return len(seen) <= MOST_NODES
 
 
 def _has_function(e: Expr) -> bool:

@@ -103,7 +103,7 @@ class Features:
         """Returns slope at 0 and curvature of the exponent of an exponential of a linear or quadratic polynomial; curvature ZERO for a
         linear one."""
         exponent = self._at_ridge(node.children[0], inner)
-        degree = Shadow((x,)).degree(exponent)
+        degree = self.analysis.functions.degrees.of(exponent, x)
         if degree not in (1, 2):
             return None
         rate = slope(exponent, x)
@@ -115,7 +115,7 @@ class Features:
     def _at_ridge(self, exponent: Expr, inner: frozenset[Var]) -> Expr:
         """Returns an exponent that is quadratic in variables of inner integrals, at its stationary point in these."""
         for v in [v for v in inner if v in exponent.free]:
-            if Shadow((v,)).degree(exponent) != 2:
+            if self.analysis.functions.degrees.of(exponent, v) != 2:
                 return exponent
             rate = slope(exponent, v)
             at_0, curvature = (cast(Expr, substitute(e, {v: ZERO})) for e in (rate, slope(rate, v)))
