@@ -231,14 +231,31 @@ PLAIN = Elimination()
 """By the families of the compiler alone."""
 
 
+class Begun(NamedTuple):
+    """The normal form of a program, and what was met on the way: derivations of values and derivatives begin with it."""
+
+    normal: Expr
+    canonical: Canonical
+
+
+def begun(e: Expr, elimination: Elimination = PLAIN) -> Begun:
+    """Returns the beginning of derivations of a program."""
+    canonical = Canonical()
+    return Begun(normal_form(write_out(e), maps=elimination.maps, canonical=canonical, remarks=elimination.remarks), canonical)
+
+
 def compiled_outputs(
     e: Expr,
     wrt: Sequence[Param],
     orders: int,
     estimator: Estimator,
     elimination: Elimination = PLAIN,
+    beginning: Begun | None = None,
 ) -> list[Expr]:
-    """Returns [value], [value, gradient], or [value, gradient, Hessian], without δ and in canonical form, ready to be lowered together."""
+    """Returns [value], [value, gradient], or [value, gradient, Hessian], without δ and in canonical form, ready to be lowered together.
+
+    Several derivations of one program may share their beginning.
+    """
     maps, closed_forms, remarks = elimination
     if not estimator.has_all_orders and orders:
         return _estimated_outputs(e, wrt, orders, estimator, maps)
@@ -246,8 +263,8 @@ def compiled_outputs(
     last_families = closing(families, boundary_terms(remarks)) if closed_forms else families
     eliminate = partial(eliminate_deltas, remarks=remarks, written=deltas_of(e))
     estimate = partial(eliminate, families=last_families) if sifted else ignore_discontinuities
-    canonical = Canonical()  # canonical nodes are met again at the end
-    outputs = [normal_form(e, maps=maps, canonical=canonical, remarks=remarks)]
+    normal, canonical = begun(e, elimination) if beginning is None else (beginning.normal, beginning.canonical.copied())
+    outputs = [normal]  # canonical nodes are met again at the end
     source = normal_form(e, True, maps, canonical, remarks) if e.has_delta else outputs[0]
     missed = MissedCuts(source if sifted else ZERO)
     for order in range(orders):

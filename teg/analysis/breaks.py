@@ -27,7 +27,7 @@ from teg.analysis.projection import Contribution, Origin, Projection, Turn
 from teg.analysis.surfaces import atoms_of, binders_inside
 from teg.ir.expr import FALSE, TRUE, Add, Call, Compare, Cond, Const, Expr, Mul, Or, Pow, Var, Where, const, has_cut
 from teg.ir.integral import ClosedForm, Integral, masses_of
-from teg.ir.node import Node, digest, postorder
+from teg.ir.node import Node, digest, nodes_of, postorder_to
 from teg.ir.simplify import collected, conjunction, disjunction, mul, sub, where
 from teg.ir.traverse import substitute
 from teg.numerics.field import divided, residue
@@ -74,9 +74,8 @@ class BreakAnalysis:
         and in what is outside, and its integrand in z, so are the integrands over z of its derivatives."""
         self.max_roots = max_roots
         self._differentiated: dict[tuple[Var, Expr, Expr], dict[Integral, None]] = {}
-        for node in postorder(differentiated):
-            if isinstance(node, Integral):
-                self._differentiated.setdefault((node.var, node.lo, node.hi), {})[node] = None
+        for node in nodes_of(Integral, *differentiated):
+            self._differentiated.setdefault((node.var, node.lo, node.hi), {})[node] = None
         self._breaks: dict[Integral, Breaks] = {}
         self._projections: dict[Integral, Contribution] = {}
         self._shadows: dict[tuple[Var, ...], Shadow] = {}
@@ -87,8 +86,8 @@ class BreakAnalysis:
     def of(self, node: Integral) -> Breaks:
         """Returns the breaks of an integral; the breaks of its inner integrals are computed first."""
         if node not in self._breaks:
-            for inner in postorder([node]) if any(c.has_integral for c in node.children) else [node]:
-                if isinstance(inner, Integral) and inner not in self._breaks:
+            for inner in nodes_of(Integral, node):
+                if inner not in self._breaks:
                     self._breaks[inner] = self._find(inner)
         return self._breaks[node]
 
@@ -374,10 +373,10 @@ def _origins(projection: Contribution, distinct: Mapping[Expr, Expr]) -> dict[Ex
 def _is_linear_in_integrals(body: Expr) -> bool:
     """Returns whether a function is a sum of integrals, each times a function without integrals."""
     degree: dict[Node, int] = {}
-    for node in postorder([body]):
-        degrees = [degree[c] for c in node.children]
-        if not node.has_integral or isinstance(node, Integral | ClosedForm):
-            degree[node] = int(node.has_integral)
+    for node in postorder_to([body], Integral.bit):
+        degrees = [degree.get(c, 0) for c in node.children]
+        if isinstance(node, Integral | ClosedForm):
+            degree[node] = 1
         elif isinstance(node, Mul):
             degree[node] = sum(degrees)
         elif isinstance(node, Add) or (isinstance(node, Where) and not node.condition.has_integral):

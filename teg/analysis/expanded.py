@@ -10,7 +10,7 @@ from types import UnionType
 from typing import cast
 
 from teg.ir.expr import Add, Const, Expr, Mul, Param, Pow, Var, const
-from teg.ir.node import postorder
+from teg.ir.node import nodes_of, postorder
 from teg.ir.simplify import add, integer_power, mul, sub
 from teg.ir.traverse import parameters
 
@@ -40,7 +40,7 @@ def shorter_form(e: Expr, variables: bool = False) -> Expr | None:
     they stand as differences.
     """
     plain = expanded(e)
-    differences = [n for n in postorder([e]) if isinstance(n, Expr) and _is_difference(n)]
+    differences = [n for n in nodes_of(Add, e) if _is_difference(n)]
     local = expanded(e, whole=differences) if differences else None
     relative = None if plain is None else _relative(plain, variables)
     best = plain if local is None else local

@@ -15,8 +15,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple, cast
 
 from teg.analysis.polynomial import Point
-from teg.ir.expr import FALSE, MINUS_ONE, ONE, TRUE, Add, Call, Compare, Cond, Const, Expr, Mul, Pow, const
-from teg.ir.node import Node, postorder
+from teg.ir.expr import FALSE, MINUS_ONE, ONE, TRUE, Add, Call, Compare, Cond, Const, Expr, Mul, Pow, called, calls_of, const
+from teg.ir.node import Node, nodes_of
 from teg.ir.simplify import add, call, div, mul, negation
 from teg.ir.traverse import rewrite
 from teg.numerics.field import divided, sign_of_residue
@@ -33,13 +33,11 @@ class Square(NamedTuple):
 
 def decided_on(e: Expr, surface: Expr) -> Expr:
     """Returns an expression that is equal on a surface, almost everywhere, without the conditions that are decided there by their form."""
-    atoms = [
-        n for n in postorder([e]) if isinstance(n, Compare) and n.resolution is None and n.g is not surface and n.g.free & surface.free
-    ]
+    atoms = [n for n in nodes_of(Compare, e) if n.resolution is None and n.g is not surface and n.g.free & surface.free]
     decisions = _Decisions(surface, atoms)
     new: dict[Node, Node] = {a: c for a in atoms if (c := decisions.of(a)) is not None}
     if new:
-        roots = [n for n in postorder([e]) if isinstance(n, Call) and n.name == "sqrt" and n.free]
+        roots = [n for n in calls_of(called("sqrt"), e) if n.free]
         new |= {r: known for r in roots if (known := decisions.root(r)) is not None}
     return cast(Expr, rewrite([e], lambda old, node: new.get(old, node))[e]) if new else e
 

@@ -24,12 +24,13 @@ from teg.analysis.polynomial import Point
 from teg.analysis.singularities import fades_at
 from teg.ir import expr as ex
 from teg.ir import simplify
-from teg.ir.expr import FALSE, TRUE, ZERO, Add, And, Call, Compare, Cond, Const, Expr, Mul, Not, Or, Pow, Tuple, Where
+from teg.ir.expr import FALSE, TRUE, ZERO, Add, And, Call, Compare, Cond, Const, Expr, Mul, Not, Or, Pow, Tuple, Where, called
 from teg.ir.integral import Integral, integral_over
-from teg.ir.node import Node, postorder
+from teg.ir.node import Node, postorder, postorder_to
 from teg.ir.simplify import add, conjunction, disjunction, mul, negation, sub, where
 from teg.ir.traverse import rebuild, replace_node, rewrite
 
+_FADING = called("sqrt", "pow", "log")
 MOST_ALTERNATIVES = 16
 """The largest number of alternatives with one surface that are compared with each other."""
 Flip = tuple[Cond, Cond]
@@ -40,9 +41,9 @@ def _containing(root: Node, surface: Expr, kinks: Collection[Node] = ()) -> list
     """Returns the nodes that contain the surface (outside of resolutions), children first; conditions of `kinks` do not count."""
     contains: dict[Node, bool] = {}
     order: list[Node] = []
-    for node in postorder([root]):
+    for node in postorder_to([root], Compare.bit):
         children = node.children[:1] if isinstance(node, Compare) else node.children[1:] if node in kinks else node.children
-        contains[node] = (isinstance(node, Compare) and node.g is surface) or any([contains[c] for c in children])
+        contains[node] = (isinstance(node, Compare) and node.g is surface) or any([contains.get(c, False) for c in children])
         if contains[node]:
             order.append(node)
     return order
@@ -193,8 +194,7 @@ def vanishes_on(e: Expr, surface: Expr) -> bool:
         return e is ZERO
     if Poles(surface).has(e):  # 0/0, which the field takes for 0
         return False
-    order = postorder([surface, e])
-    if any(isinstance(n, Call | Compare | Integral) for n in order):  # |g| has no jump, whatever g is; nor has a condition on it
+    if (surface.kinds | e.kinds) & (Call.bit | Compare.bit | Integral.bit):  # |g| has no jump, whatever g is; nor has a condition on it
         without = cast(Expr, replace_node(e, surface, ZERO))
         if all(Point(trial).value(without) == 0 for trial in ("0", "1")):
             return True
@@ -214,6 +214,8 @@ def surface_terms(body: Expr, surfaces: list[Expr]) -> list[tuple[Expr, Expr]]:
 def _at_edges(e: Expr, surface: Expr) -> Expr:
     """Returns an expression that is equal on a surface, with 0 for its roots, powers, and products with logarithms that tend to 0 there:
     where a root of the surface is found to rounding, they may be no numbers."""
+    if not e.kinds & _FADING:
+        return e
     order = postorder([e])
     may_fade = [
         n for n in order if _is_root(n) or (isinstance(n, Mul) and any(isinstance(f, Call) and f.name == "log" for f in n.children))

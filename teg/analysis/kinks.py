@@ -17,7 +17,7 @@ from teg.ir.expr import MINUS_ONE, Add, Call, Compare, Cond, Expr, Mul, Pow, Var
 from teg.ir.node import Node
 from teg.ir.simplify import call, mul, positive, sub, where
 from teg.ir.traverse import rebuild
-from teg.numerics.field import divided, sign_of_residue
+from teg.numerics.field import P, divided, sign_of_residue
 
 EXTREMES = ("magnitude", "min", "max")
 """The functions with kinks."""
@@ -53,14 +53,15 @@ class Kinks:
         if not isinstance(condition, Compare) or condition.resolution is not None:
             return 0
         h, difference = condition.g, sub(then, otherwise)
-        ratios: list[int] = []
+        found: list[tuple[int, int]] = []
         for point in self._points:
-            of_h, of_difference = (point.value(u) for u in (h, difference))
+            of_h, of_difference = point.value(h), point.value(difference)
             if not of_h or of_difference is None:
                 return 0
-            ratios.append(divided(of_difference, of_h))
-        sign = sign_of_residue(ratios[0]) if ratios[0] == ratios[1] else None
-        return int(sign or 0)
+            found.append((of_h, of_difference))
+        (first, times_first), (second, times_second) = found
+        is_one_number = (times_first * second - times_second * first) % P == 0
+        return int(sign_of_residue(divided(times_first, first)) or 0) if is_one_number else 0
 
 
 class Extremes:

@@ -16,7 +16,7 @@ from typing import cast
 from teg.analysis.calculus import slope
 from teg.analysis.coincidence import ZeroSet
 from teg.errors import NotDifferentiableError
-from teg.ir.expr import ZERO, Add, And, Call, Cond, Const, Expr, Mul, Pow, Var, Where
+from teg.ir.expr import ZERO, Add, And, Call, Cond, Const, Expr, Mul, Pow, Var, Where, called
 from teg.ir.node import Node, postorder
 from teg.ir.simplify import add, holds_with, integer_power, mul, negation, where
 from teg.ir.traverse import Steps, replace_node, unrolled
@@ -28,6 +28,7 @@ ODD = frozenset(("sin", "tan", "asin", "atan", "sinh", "tanh", "erf", "expm1", "
 """Functions that are 0 where their argument is 0."""
 
 
+_EXPONENTIAL = called("exp")
 MOST_NODES = 4000
 """Terms that decay are looked for in jumps of up to so many nodes."""
 TAME = frozenset(("sqrt", "root", "log", "log1p", "magnitude", "sin", "cos", "atan", "tanh", "erf", "erfc", "min", "max"))
@@ -131,8 +132,9 @@ class Poles:
 
     def without_decaying(self, e: Expr) -> Expr:
         """Returns an expression without the terms that tend to 0 on the surface faster than every power: 1 + exp(-1/u²) is 1."""
-        order = postorder([e])
-        return unrolled(self._settled(e, frozenset())) if len(order) <= MOST_NODES and any(map(self._is_fast, order)) else e
+        if not e.kinds & _EXPONENTIAL or len(order := postorder([e])) > MOST_NODES or not any(map(self._is_fast, order)):
+            return e
+        return unrolled(self._settled(e, frozenset()))
 
     def _settled(self, e: Expr, known: frozenset[Cond]) -> Steps[Expr]:
         if (yield self._decays(e, known)):

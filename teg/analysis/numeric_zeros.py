@@ -9,14 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import lru_cache
-from itertools import islice
 from typing import Any
 
 from teg.analysis.evaluate import values_of
 from teg.errors import OperandError
 from teg.ir.expr import Add, Call, Compare, Expr, Mul, Param, Var, Where
 from teg.ir.integral import Integral
-from teg.ir.node import postorder
+from teg.ir.node import Node, postorder
 
 TRIALS = 32
 """The number of random choices of all symbols but one; half of them have positive values only, for roots and logarithms."""
@@ -38,7 +37,7 @@ Points = Mapping[Expr, Any]
 
 def is_zero_on(e: Expr, g: Expr) -> bool:
     """Returns whether e is 0 on the surface g = 0, if one of them has a function in it; False if that is not known."""
-    if not (_can_be_tried(e) and _can_be_tried(g) and (_has_function(e) or _has_function(g))):
+    if not ((_has_function(e) or _has_function(g)) and _can_be_tried(e) and _can_be_tried(g)):
         return False
     points = _zeros(g)
     if points is None:
@@ -57,12 +56,23 @@ def is_zero_on(e: Expr, g: Expr) -> bool:
 
 def _can_be_tried(e: Expr) -> bool:
     """Returns whether an expression is small, and smooth: at a tie rounding would decide a condition."""
-    nodes = list(islice(postorder([e]), MOST_NODES + 1))
-    return len(nodes) <= MOST_NODES and not any(isinstance(n, Where | Compare | Integral) for n in nodes)
+    return not e.kinds & (Where.bit | Compare.bit | Integral.bit) and _is_small(e)
+
+
+def _is_small(e: Node) -> bool:
+    """Returns whether an expression has at most MOST_NODES nodes, of which no more are visited."""
+    seen: set[Node] = set()
+    stack = [e]
+    while stack and len(seen) <= MOST_NODES:
+        node = stack.pop()
+        if node not in seen:
+            seen.add(node)
+            stack.extend(node.children)
+    return len(seen) <= MOST_NODES
 
 
 def _has_function(e: Expr) -> bool:
-    return any(isinstance(n, Call) for n in postorder([e]))
+    return e.kinds & Call.bit != 0
 
 
 def _symbols(e: Expr) -> list[Expr]:

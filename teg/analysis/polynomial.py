@@ -29,29 +29,157 @@ Ratio = tuple[Poly, Poly]
 """Numerator and denominator; a denominator without variables is 1."""
 
 
-class Shadow:
-    """Expressions as rational functions of `variables` over GF(P); everything else is a random element.
+class Point:
+    """Values of expressions at one random point of the field. Two values tell whether expressions are equal or proportional.
 
-    Without variables |u| is one element for u and -u, and max(u, v) is (u + v + |u - v|)/2; so -min(-u, -v) is that, too. A `where` is its
-    second branch plus a random multiple of the difference; with `kinks`, |u| is a random multiple of u, and max and min
-    are like a `where`. All have the right degree on a piece where no condition changes. Without `kinks` those of the variables are not
-    rational. `integral` may return the shadow of an integral that depends on the variables; by default that is None, which means "not
-    known to be rational". `leaves` fixes the elements of chosen parameters and variables.
+    |u| is one element for u and -u, and max(u, v) is (u + v + |u - v|)/2; so -min(-u, -v) is that, too. A `where` is its second branch
+    plus a random multiple of the difference. `leaves` fixes the elements of chosen parameters and variables.
+    """
+
+    def __init__(self, salt: str = "", leaves: Mapping[Expr, int] | None = None) -> None:
+        self._salt = salt
+        self._leaves = dict(leaves or {})
+        self._known: dict[Expr, int | None] = {}
+
+    def value(self, e: Expr) -> int | None:
+        """Returns the value; None where it is not defined or the expression is not algebraic."""
+        known = self._known
+        if e not in known:
+            stack: list[Expr] = [e]
+            while stack:
+                node = stack[-1]
+                if node not in known:
+                    if missing := [c for c in value_children(node) if c not in known]:
+                        stack.extend(missing)
+                        continue
+                    known[node] = self._combine(node)
+                stack.pop()
+        return known[e]
+
+    def random(self, *key: object) -> int:
+        """Returns the random element that stands for a key."""
+        return residue(self._salt, *key)
+
+    def _combine(self, node: Expr) -> int | None:
+        known = self._known
+        if node in self._leaves:
+            return self._leaves[node] % P
+        match node:
+            case Const():
+                return residue_of_float(node.data)
+            case Add():
+                return _sum_of([known[c] for c in node.children])
+            case Mul():
+                product = known[node.children[0]]
+                for c in node.children[1:]:
+                    factor = known[c]
+                    if product is None or factor is None:
+                        return None
+                    product = product * factor % P
+                return product
+            case Pow():
+                return self._power(known[node.base], node.exponent)
+            case Param():
+                return self.random("still parameter" if isinstance(node, Still) else "parameter", node.name)
+            case Var():
+                return self.random("variable", node.name)
+            case Where():
+                then, otherwise = known[node.then], known[node.otherwise]
+                if then is None or otherwise is None:
+                    return None
+                return (otherwise + (then - otherwise) * self.random("condition", digest(node.condition))) % P
+            case Apply():
+                return self._apply(node)
+            case Call():
+                values = [known[c] for c in node.children]
+                return None if None in values else self.function(node.name, cast("list[int]", values))
+            case Integral() if not _holds(node, self._leaves):
+                return self.random("integral", digest(node))
+            case _:
+                return None
+
+    def _power(self, base: int | None, k: int) -> int | None:
+        if base is None or abs(k) > MAX_DEGREE:
+            return None
+        if k < 0 and not base:
+            return self.random("1/0", k)  # in a branch that is not taken, or else infinite anyway
+        return pow(base if k >= 0 else inverse(base), abs(k), P)
+
+    def function(self, name: str, values: Sequence[int]) -> int:
+        """Returns the value of a function of the language at some values."""
+        match name:
+            case "magnitude":
+                return self._size(values[0])
+            case "max":
+                return (values[0] + values[1] + self._size(values[0] - values[1])) * _HALF % P
+            case "min":
+                return (values[0] + values[1] - self._size(values[0] - values[1])) * _HALF % P
+            case _:
+                return self.random(name, *values)
+
+    def _size(self, value: int) -> int:
+        """Returns an element for |u|, the same for u and -u; 0 for 0."""
+        least = min(value % P, -value % P)
+        return least * self.random("size", least) % P
+
+    def _apply(self, node: Apply) -> int | None:
+        """Returns the value of the polynomial that `Shadow` takes for a function."""
+        callee, key = node.callee, key_of(node)
+        arguments = [self._known[c] for c in node.children]
+        numbers = arguments[callee.formal if node.degree is not None else 0 :]
+        if None in numbers:
+            return None
+        total = self.random("function", key, *numbers)
+        for k in range(1, (node.degree or 0) + 1):
+            factors = [self.random("s", k, i, key, *numbers) for i in range(callee.formal)]
+            terms = [None if u is None else u * s for u, s in zip(arguments, factors, strict=False)]
+            power = self._power(_sum_of([0, *terms]), k)
+            if power is None:
+                return None
+            total = (total + power) % P
+        return total
+
+
+def _sum_of(values: Sequence[int | None]) -> int | None:
+    return None if None in values else sum(cast("Sequence[int]", values)) % P
+
+
+def value_children(node: Expr) -> tuple[Expr, ...]:
+    """Returns the children of an operation, a function or a branch in value position."""
+    if isinstance(node, _OPERATIONS):
+        return node.children  # type: ignore[return-value]
+    return (node.then, node.otherwise) if isinstance(node, Where) else ()
+
+
+def key_of(node: Apply) -> tuple[object, ...]:
+    """Returns what tells an application from those of other functions and derivatives."""
+    callee = node.callee
+    return (node.derivative, digest(callee) if isinstance(callee, Function) else callee.number)
+
+
+def _holds(node: Integral, leaves: Mapping[Expr, int]) -> bool:
+    return bool(leaves) and any(leaf in leaves for leaf in postorder([node]) if isinstance(leaf, Param | Var))
+
+
+class Shadow:
+    """Expressions as rational functions of `variables` over GF(P); everything else is its value at a `Point`.
+
+    A `where` is as there; with `kinks`, |u| is a random multiple of u, and max and min are like a `where`. All have the right degree on a
+    piece where no condition changes. Without `kinks` those of the variables are not rational. `integral` may return the shadow of an
+    integral that depends on the variables; by default that is None, which means "not known to be rational".
     """
 
     def __init__(
         self,
         variables: Sequence[Var] = (),
-        leaves: Mapping[Expr, int] | None = None,
         integral: Callable[[Integral], Ratio | None] | None = None,
         salt: str = "",
         kinks: bool = False,
     ) -> None:
-        self._salt = salt
         self._kinks = kinks
+        self._point = Point(salt)
         self.variables = tuple(variables)
         self._index = {v: i for i, v in enumerate(self.variables)}
-        self._leaves = dict(leaves or {})
         self._integral = integral
         self._one: Monomial = (0,) * len(self.variables)
         self._unit: Poly = {self._one: 1}
@@ -64,15 +192,15 @@ class Shadow:
             stack: list[Expr] = [e]
             while stack:
                 node = stack[-1]
-                if node in known:
-                    stack.pop()
-                    continue
-                children = self._value_children(node)
-                missing = [c for c in children if c not in known]
-                if missing:
-                    stack.extend(missing)
-                    continue
-                known[node] = self._combine(node)
+                if node not in known:
+                    if node.free.isdisjoint(self._index):
+                        value = self._point.value(node)
+                        known[node] = None if value is None else ({self._one: value} if value else {}, self._unit)
+                    elif missing := [c for c in value_children(node) if c not in known]:
+                        stack.extend(missing)
+                        continue
+                    else:
+                        known[node] = self._combine(node)
                 stack.pop()
         return known[e]
 
@@ -86,9 +214,6 @@ class Shadow:
         poly = self.polynomial(e)
         return None if poly is None else max((sum(m) for m in poly), default=0)
 
-    def _random(self, *key: object) -> int:
-        return residue(self._salt, *key)
-
     def constant(self, value: int) -> Ratio:
         """Returns a number of the field as a rational function."""
         value %= P
@@ -97,26 +222,13 @@ class Shadow:
     def _is_constant(self, poly: Poly) -> bool:
         return len(poly) == 1 and self._one in poly
 
-    def _value_children(self, node: Expr) -> tuple[Expr, ...]:
-        if isinstance(node, _OPERATIONS):
-            return node.children  # type: ignore[return-value]
-        return (node.then, node.otherwise) if isinstance(node, Where) else ()
-
     def _combine(self, node: Expr) -> Ratio | None:
+        """Returns a node that depends on the variables."""
         known = self._known
-        if node in self._leaves:
-            return self.constant(self._leaves[node])
         match node:
-            case Const():
-                value = residue_of_float(node.data)
-                return None if value is None else self.constant(value)
-            case Param():
-                return self.constant(self._random("still parameter" if isinstance(node, Still) else "parameter", node.name))
             case Var():
-                if node in self._index:
-                    i = self._index[node]
-                    return ({tuple(1 if j == i else 0 for j in range(len(self._one))): 1}, self._unit)
-                return self.constant(self._random("variable", node.name))
+                i = self._index[node]
+                return ({tuple([1 if j == i else 0 for j in range(len(self._one))]): 1}, self._unit)
             case Add():
                 return self._sum([known[c] for c in node.children])
             case Mul():
@@ -127,68 +239,47 @@ class Shadow:
             case Pow():
                 return self._power(known[node.base], node.exponent)
             case Where():
-                return self._either(known[node.then], known[node.otherwise], self._random("condition", digest(node.condition)))
+                return self._either(known[node.then], known[node.otherwise], self._point.random("condition", digest(node.condition)))
             case Apply():
                 return self._apply(node)
             case Call():
                 return self._function(node)
             case Integral():
-                if self._depends(node):
-                    return self._integral(node) if self._integral is not None else None
-                return self.constant(self._random("integral", digest(node)))
+                return self._integral(node) if self._integral is not None else None
             case _:
                 return None
 
     def _either(self, a: Ratio | None, b: Ratio | None, r: int) -> Ratio | None:
         return None if a is None or b is None else self._sum([self._scale(a, r), self._scale(b, 1 - r)])
 
-    def _depends(self, node: Expr) -> bool:
-        if any(v in node.free for v in self._index):
-            return True
-        return bool(self._leaves) and any(leaf in self._leaves for leaf in postorder([node]) if isinstance(leaf, Param | Var))
-
     def _function(self, node: Call) -> Ratio | None:
         arguments = [self._known[c] for c in node.children]
-        if self._kinks and node.name in ("magnitude", "min", "max") and self._depends(node):
+        if self._kinks and node.name in ("magnitude", "min", "max"):
             if node.name == "magnitude":
-                return None if arguments[0] is None else self._scale(arguments[0], self._random("sign", digest(node)))
-            return self._either(arguments[0], arguments[1], self._random("side", digest(node)))
+                return None if arguments[0] is None else self._scale(arguments[0], self._point.random("sign", digest(node)))
+            return self._either(arguments[0], arguments[1], self._point.random("side", digest(node)))
         values = []
         for ratio in arguments:
             if ratio is None or not self._is_constant(ratio[1]) or (ratio[0] and not self._is_constant(ratio[0])):
                 return None
             values.append(ratio[0].get(self._one, 0))
-        match node.name:
-            case "magnitude":
-                return self.constant(self._size(values[0]))
-            case "max":
-                return self.constant((values[0] + values[1] + self._size(values[0] - values[1])) * _HALF)
-            case "min":
-                return self.constant((values[0] + values[1] - self._size(values[0] - values[1])) * _HALF)
-            case _:
-                return self.constant(self._random(node.name, *values))
-
-    def _size(self, value: int) -> int:
-        """Returns an element for |u|, the same for u and -u; 0 for 0."""
-        least = min(value % P, -value % P)
-        return least * self._random("size", least)
+        return self.constant(self._point.function(node.name, values))
 
     def _apply(self, node: Apply) -> Ratio | None:
         """Returns a polynomial of the function's degree with random coefficients, Σₖ(Σᵢ sₖᵢ·uᵢ)ᵏ.
 
         For a function that is only known to be smooth: a random element if its arguments are numbers, else None.
         """
-        callee = node.callee
-        key = (node.derivative, digest(callee) if isinstance(callee, Function) else callee.number)
+        callee, key = node.callee, key_of(node)
         arguments = [self._known[c] for c in node.children]
         numbers: list[int] = []
         for ratio in arguments[callee.formal if node.degree is not None else 0 :]:
             if ratio is None or not self._is_constant(ratio[1]) or (ratio[0] and not self._is_constant(ratio[0])):
                 return None
             numbers.append(ratio[0].get(self._one, 0))
-        total: Ratio | None = self.constant(self._random("function", key, *numbers))
+        total: Ratio | None = self.constant(self._point.random("function", key, *numbers))
         for k in range(1, (node.degree or 0) + 1):
-            terms = [None if u is None else self._scale(u, self._random("s", k, i, key, *numbers)) for i, u in enumerate(arguments)]
+            terms = [None if u is None else self._scale(u, self._point.random("s", k, i, key, *numbers)) for i, u in enumerate(arguments)]
             power = self._power(self._sum([self.constant(0), *terms[: callee.formal]]), k)
             total = self._sum([total, power])
         return total
@@ -232,7 +323,7 @@ class Shadow:
             return None
         if k < 0:
             if not a[0]:
-                return self.constant(self._random("1/0", k))  # in a branch that is not taken, or else infinite anyway
+                return self.constant(self._point.random("1/0", k))  # in a branch that is not taken, or else infinite anyway
             a, k = self._normal(a[1], a[0]), -k
         total: Ratio | None = a if k else self.constant(1)
         for _ in range(k - 1):
@@ -246,7 +337,7 @@ class Shadow:
             a, b = b, a
         if self._is_constant(a) and len(b) <= MAX_TERMS:
             factor = a[self._one]
-            return {m: c * factor % P for m, c in b.items()}
+            return dict(b) if factor == 1 else {m: c * factor % P for m, c in b.items()}
         if len(a) * len(b) > 16 * MAX_TERMS:
             return cast(Poly, None)
         out: dict[int, int] = {}
@@ -295,18 +386,6 @@ class Degrees:
         if variable not in self._shadows:
             self._shadows[variable] = Shadow((variable,))
         return self._shadows[variable].degree(e)
-
-
-class Point:
-    """Values of expressions at one random point of the field. Two values tell whether expressions are equal or proportional."""
-
-    def __init__(self, salt: str = "", leaves: Mapping[Expr, int] | None = None) -> None:
-        self._shadow = Shadow((), leaves, salt=salt)
-
-    def value(self, e: Expr) -> int | None:
-        """Returns the value; None where it is not defined or the expression is not algebraic."""
-        ratio = self._shadow.of(e)
-        return None if ratio is None else ratio[0].get((), 0)
 
 
 def is_null(e: Expr) -> bool:

@@ -14,6 +14,12 @@ class Proportional:
         self.points = (Point("first"), Point("second"))
         self._known: dict[int, Expr] = {}
 
+    def copied(self) -> Proportional:
+        """Returns the same functions, to which others are added apart. Both share values of functions."""
+        other = Proportional()
+        other.points, other._known = self.points, dict(self._known)
+        return other
+
     def representative(self, g: Expr) -> tuple[Expr, bool]:
         """Returns the function that stands for the surface, and whether it has the sign of g."""
         first, second = (p.value(g) for p in self.points)

@@ -9,7 +9,7 @@ from teg.analysis.calculus import slope
 from teg.analysis.extents import extent
 from teg.analysis.polynomial import Shadow
 from teg.ir.expr import ONE, ZERO, Call, Const, Expr, Var, const
-from teg.ir.node import postorder
+from teg.ir.node import nodes_of
 from teg.ir.simplify import integer_power, mul, sub
 from teg.ir.traverse import fresh, rewrite, substitute
 
@@ -48,7 +48,7 @@ def radical(g: Expr) -> Radical | None:
     """Returns an expression as a sum of one or two roots and a polynomial; None if it is none, or depends on one variable alone."""
     if len(g.free) < 2:
         return None
-    roots = [n for n in postorder([g]) if isinstance(n, Call) and n.free]
+    roots = [n for n in nodes_of(Call, g) if n.free]
     if not 0 < len(roots) <= MOST_ROOTS or any(n.name != "sqrt" for n in roots):
         return None
     under = [r.children[0] for r in roots]

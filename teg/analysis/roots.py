@@ -20,7 +20,7 @@ from teg.analysis.squares import discriminant_of_squares
 from teg.errors import NotDifferentiableError
 from teg.ir import expr as ex
 from teg.ir.expr import FALSE, MINUS_ONE, ONE, TRUE, ZERO, Add, Call, Cond, Const, Expr, Mul, Param, Pow, Truth, Var, Where, const
-from teg.ir.node import Node, postorder
+from teg.ir.node import Node, nodes_of, postorder
 from teg.ir.simplify import add, call, conjunction, disjunction, div, integer_power, mul, negation, positive, sub, where
 from teg.ir.traverse import fresh, parameters, replace_node, size, substitute
 
@@ -193,7 +193,7 @@ def _is_scaled(e: Node) -> bool:
 
 def _is_coarse(normal: Expr, scale: float = 1.0) -> bool:
     """Returns whether a normal form has such large numbers that it loses digits: (x - 1000)², written out."""
-    return any(isinstance(n, Const) and abs(n.data) > COARSE * scale for n in postorder([normal]))
+    return any(abs(n.data) > COARSE * scale for n in nodes_of(Const, normal))
 
 
 def quadratic_roots(g: Expr, x: Var, origin: Expr = ZERO) -> tuple[Root, ...]:

@@ -255,6 +255,9 @@ def size_of(body: Expr, boxed: Enclosure) -> Expr:
     return call("magnitude", lo) if lo is hi else call("max", hi, mul(MINUS_ONE, lo))
 
 
+_OPAQUE = Integral.bit | Apply.bit | PointMasses.bit | ClosedForm.bit
+
+
 def _without_integrals(
     bodies: Sequence[Expr], box: Mapping[Var, Interval], bounds_of: Callable[[Expr, Mapping[Var, Interval]], Interval]
 ) -> tuple[list[Expr], dict[Var, Interval]]:
@@ -266,7 +269,7 @@ def _without_integrals(
     variables = set(box)
 
     def replacement(node: Node) -> Node | None:
-        if node.free.isdisjoint(variables):
+        if not node.kinds & _OPAQUE or node.free.isdisjoint(variables):
             return node
         if not isinstance(node, Integral | Apply | PointMasses | ClosedForm):
             return None

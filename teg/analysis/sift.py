@@ -13,21 +13,21 @@ from teg.analysis.nest import Binder, Chain
 from teg.errors import DeltaError
 from teg.ir.expr import ONE, ZERO, Add, Call, Expr, Mul, Pow, Where
 from teg.ir.integral import Delta, Integral
-from teg.ir.node import postorder
+from teg.ir.node import nodes_of, postorder_to
 from teg.ir.simplify import add, mul, negation, where
-from teg.ir.traverse import rewrite
+from teg.ir.traverse import rewritten
 
 
 def deltas_of(e: Expr) -> list[Delta]:
     """Returns the distinct deltas below e, including those in inner integrals."""
-    return [n for n in postorder([e]) if isinstance(n, Delta)] if e.has_delta else []
+    return nodes_of(Delta, e)
 
 
 def linear_part(e: Expr, target: Delta) -> dict[Chain, Expr]:
     """Returns the coefficient of a δ for each nest of inner integrals (outermost first) in which it stands."""
     parts: dict[Expr, dict[Chain, Expr]] = {}
-    for node in postorder([e]):
-        if not isinstance(node, Expr) or not node.has_delta:
+    for node in postorder_to([e], Delta.bit):
+        if not isinstance(node, Expr):
             continue
         match node:
             case Delta():
@@ -74,4 +74,4 @@ def _merge(dictionaries: object) -> dict[Chain, Expr]:
 
 def without(e: Expr, targets: set[Delta]) -> Expr:
     """Returns e with these deltas replaced by 0."""
-    return cast(Expr, rewrite([e], lambda old, new: ZERO if old in targets else new)[e])
+    return rewritten(e, Delta.bit, lambda old, new: ZERO if old in targets else new)

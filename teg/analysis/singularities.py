@@ -32,9 +32,27 @@ from teg.analysis.nest import Binder, Chain
 from teg.analysis.polynomial import Point, Shadow
 from teg.analysis.sharp import LARGE_POWER
 from teg.errors import NotDifferentiableError
-from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Call, Compare, Const, Expr, Mul, Param, Pow, Var, Where, const, is_infinite
+from teg.ir.expr import (
+    MINUS_ONE,
+    ONE,
+    ZERO,
+    Add,
+    Call,
+    Compare,
+    Const,
+    Expr,
+    Mul,
+    Param,
+    Pow,
+    Var,
+    Where,
+    called,
+    calls_of,
+    const,
+    is_infinite,
+)
 from teg.ir.integral import Integral
-from teg.ir.node import Node, postorder
+from teg.ir.node import Node, postorder, postorder_to
 from teg.ir.simplify import add, integer_power, mul, sub
 from teg.ir.traverse import rewrite, substitute
 from teg.numerics.field import divided
@@ -45,6 +63,7 @@ PLAIN = 0.5
 """The least roughness with a plain derivative, where g has degree 1 or 2: that of √g is 1/√g, which needs few evaluations. Beside a large
 power it needs many: bounds of what may hide between nodes are poor near 1/√g."""
 SINGULAR = frozenset(("sqrt", "root", "pow", "log", "asin", "acos"))
+_SINGULAR, _ROOTS = called(*SINGULAR), called("sqrt", "root")
 _ODD = frozenset(("sin", "tan", "asin", "atan", "sinh", "tanh", "floor", "erf", "expm1", "log1p"))
 """Functions of order 1 at 0."""
 _WRAPPED = frozenset(("sqrt", "root", "pow", "magnitude"))
@@ -77,7 +96,7 @@ class Keys:
 
     def without_null_roots(self, e: Expr) -> Expr:
         """Returns an expression with 0 for √u where u is 0 identically, and written in a longer form: 1 - a²/a²."""
-        if not any(isinstance(n, Call) and n.name in ("sqrt", "root") for n in postorder([e])):
+        if not e.kinds & _ROOTS:
             return e
         return cast(Expr, rewrite([e], self._without_null_root)[e])
 
@@ -96,7 +115,7 @@ def is_singular(node: Node) -> bool:
 def sharp_nodes(roots: Iterable[Node]) -> set[Node]:
     """Returns the nodes with a singular function below them, in value position."""
     sharp: set[Node] = set()
-    for node in postorder(roots):
+    for node in postorder_to(roots, _SINGULAR):
         if is_singular(node) or any([c in sharp for c in node.children if not isinstance(node, Compare)]):
             sharp.add(node)
     return sharp
@@ -171,7 +190,7 @@ def _call_order(node: Call, known: Mapping[Node, Order], is_zero: Callable[[Expr
 
 def fades_at(e: Expr, g: Expr) -> bool:
     """Returns whether an expression tends to 0 at the surface g = 0 like a non-integer power of g: √g, g log g."""
-    if not any(is_singular(n) for n in postorder([e])):
+    if not any(is_singular(n) for n in calls_of(_SINGULAR, e)):
         return False
     keys = Keys()
     return order_at(e, lambda u: _is(u, keys.of(g), keys))[0] > 0.0

@@ -41,6 +41,8 @@ from teg.ir.expr import (
     UncountedFloor,
     Var,
     Where,
+    called,
+    calls_of,
     const,
 )
 from teg.ir.integral import Integral
@@ -102,6 +104,8 @@ class Steps:
 
 # -- floors --------------------------------------------------------------------------------------------------------------
 
+_STEPS = called("round", "ceil", "mod")
+
 
 def is_step(node: Node) -> bool:
     """Returns whether a node is a floor with variables in it whose steps may be counted."""
@@ -113,7 +117,7 @@ def with_floors(root: Expr) -> Expr:
 
     At the halves round goes to the even side where parameters decide, up elsewhere.
     """
-    if not any(isinstance(n, Call) and (n.name in ("round", "ceil") or (n.name == "mod" and n.free)) for n in postorder([root])):
+    if not any(n.name != "mod" or n.free for n in calls_of(_STEPS, root)):
         return root
     return cast(Expr, rewrite([root], lambda _, new: _by_floor(new) if isinstance(new, Call) else new)[root])
 

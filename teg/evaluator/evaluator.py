@@ -21,11 +21,12 @@ from teg.evaluator.arguments import (
 from teg.evaluator.both_sides import taken
 from teg.evaluator.directions import Directions, generic, shape_of, units
 from teg.evaluator.explain import checked_derivatives, explained
+from teg.evaluator.kept import Kept
 from teg.evaluator.kernels import Kernels, Key, dimensions_of
 from teg.evaluator.lengths import KEPT, Lengths
 from teg.evaluator.nodes import NodeFinder, moved_by
 from teg.evaluator.options import Options
-from teg.evaluator.plan import GRADIENT, GRADIENT_ALONE, HESSIAN, ORDERS, VALUE, Kept, Wanted
+from teg.evaluator.plan import GRADIENT, GRADIENT_ALONE, HESSIAN, ORDERS, VALUE, Wanted
 from teg.evaluator.results import along_direction, cotangents_of, in_shape, in_structure, nested, places, stacked, weighted
 from teg.ir.arrays import Array, Gather, arrays_of, has_arrays, integer_parameters
 from teg.ir.cells import check_indices

@@ -10,9 +10,10 @@ from teg.analysis.bodies import write_all_out
 from teg.errors import ArrayIndexError, EstimatorError, ParameterError
 from teg.evaluator.arguments import by_name, name_of, refuse_masked, refuse_nested
 from teg.evaluator.counting import Counting, zeros
+from teg.evaluator.kept import Kept
 from teg.evaluator.kernels import dimensions_of
 from teg.evaluator.options import Options
-from teg.evaluator.plan import VALUE, Kept, Plan
+from teg.evaluator.plan import VALUE, Plan
 from teg.ir.arrays import Array, arrays_of, integer_parameters
 from teg.ir.cells import check_indices, with_lengths
 from teg.ir.expr import Expr, Param, Tuple

@@ -24,8 +24,9 @@ from teg.evaluator.both_sides import (
     told,
     without_order,
 )
+from teg.evaluator.kept import Kept
 from teg.evaluator.options import Options
-from teg.evaluator.plan import GRADIENT, GRADIENT_ALONE, HESSIAN, ORDERS, VALUE, Kept, Plan, Wanted, derivative_of_order, is_second
+from teg.evaluator.plan import GRADIENT, GRADIENT_ALONE, HESSIAN, ORDERS, VALUE, Plan, Wanted, derivative_of_order, is_second
 from teg.evaluator.runs import ListedPlan, RunsKernel
 from teg.evaluator.tabled import Tabled
 from teg.evaluator.timing import timed

@@ -8,9 +8,10 @@ from typing import Any
 from teg.errors import ArrayIndexError, ParameterError
 from teg.evaluator.arguments import Call, read_call
 from teg.evaluator.counting import Counting
+from teg.evaluator.kept import Kept
 from teg.evaluator.kernels import Kernels
 from teg.evaluator.options import Options
-from teg.evaluator.plan import VALUE, Kept, Plan, Wanted, directions_of
+from teg.evaluator.plan import VALUE, Plan, Wanted, directions_of
 from teg.ir.arrays import Array, has_arrays
 from teg.ir.cells import with_lengths
 from teg.ir.expr import Expr, Param

@@ -16,8 +16,9 @@ from teg.analysis.bodies import write_all_out
 from teg.errors import AccuracyError, ArrayIndexError, OperandError, ParameterError
 from teg.evaluator.arguments import Call, read_call
 from teg.evaluator.counting import Counting
+from teg.evaluator.kept import Kept
 from teg.evaluator.options import Options
-from teg.evaluator.plan import GRADIENT_ALONE, VALUE, Kept, Plan
+from teg.evaluator.plan import GRADIENT_ALONE, VALUE, Plan
 from teg.ir.arrays import Array, Gather, has_arrays
 from teg.ir.cells import with_lengths
 from teg.ir.expr import Expr, Param, Tuple, Var

@@ -17,13 +17,14 @@ from __future__ import annotations
 
 import threading
 import weakref
-from collections.abc import Callable, Hashable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Generic, NamedTuple, TypeVar, cast
+from typing import NamedTuple, cast
 
 from teg.analysis.settings import Integration
 from teg.errors import EstimatorError, NotDifferentiableError
+from teg.evaluator.kept import Kept
 from teg.evaluator.options import Options
 from teg.evaluator.timing import log, timed
 from teg.ir import simplify
@@ -33,6 +34,7 @@ from teg.ir.expr import ZERO, Expr, Param, Var
 from teg.ir.index import ArrayName
 from teg.ir.node import Node, postorder
 from teg.ir.still import has_still, released
+from teg.ir.traverse import size
 from teg.ir.uncovered import Uncovered
 from teg.maps.diffeomorphism import Diffeomorphism
 from teg.passes.differentiate.edges import values_along_edges
@@ -52,14 +54,24 @@ from teg.passes.normalise.partitions import Refused
 from teg.passes.normalise.tables import with_tables
 from teg.passes.program.errors_in_loops import with_array_error_estimates
 from teg.passes.program.link import with_bodies
-from teg.pipeline import ESTIMATORS, Elimination, compiled_outputs, finished, flat_program, flatten, jvp, normal_form, program_for
+from teg.pipeline import (
+    ESTIMATORS,
+    Begun,
+    Elimination,
+    begun,
+    compiled_outputs,
+    finished,
+    flat_program,
+    flatten,
+    jvp,
+    normal_form,
+    program_for,
+)
 from teg.program import Program
 from teg.program.arrays import ArrayProgram
 
-KEPT = 64
-"""The largest number of programs that a derivation keeps. The oldest is dropped, and made again when it is needed."""
-K = TypeVar("K", bound=Hashable)
-V = TypeVar("V")
+SHORT = 10_000
+"""Nodes of a program of which the beginning of its derivations is kept, at most."""
 
 
 class Wanted(NamedTuple):
@@ -112,52 +124,6 @@ def directions_of(wanted: Wanted, known: Sequence[Param | ArrayName]) -> list[di
     return found
 
 
-class Kept(Generic[K, V]):
-    """A table of the latest entries, at most `most` of them. Safe to share between threads."""
-
-    def __init__(self, most: int = KEPT) -> None:
-        self._most = most
-        self._table: dict[K, V] = {}
-        self._lock = threading.RLock()
-
-    def get(self, key: K, make: Callable[[], V]) -> V:
-        """Returns the entry of a key, made if it is missing; the oldest entries are dropped."""
-        found = self._table.get(key)
-        if found is not None:
-            return found
-        with self._lock:
-            if key not in self._table:
-                self._table[key] = make()
-                while len(self._table) > self._most:
-                    del self._table[next(iter(self._table))]
-            return self._table[key]
-
-    def peek(self, key: K, default: V) -> V:
-        """Returns the entry of a key, or the default."""
-        return self._table.get(key, default)
-
-    def put(self, key: K, value: V) -> None:
-        """Replaces an entry."""
-        with self._lock:
-            self._table.pop(key, None)
-            self.get(key, lambda: value)
-
-    def __contains__(self, key: K) -> bool:
-        return key in self._table
-
-    def first(self) -> V | None:
-        """Returns the oldest entry, or None."""
-        return next(iter(self._table.values()), None)
-
-    def __iter__(self) -> Iterator[K]:
-        return iter(list(self._table))
-
-    def drop(self, key: K) -> None:
-        """Drops an entry, if there is one."""
-        with self._lock:
-            self._table.pop(key, None)
-
-
 @dataclass(frozen=True)
 class Task:
     """The input of a derivation: the expression, the parameters of its derivatives, the arguments of the program, and the options.
@@ -200,6 +166,7 @@ class Derivation:
         self.entries = flatten(task.expression)
         self.first_only = not task.estimator.has_all_orders
         self.has_loops = _has_loops(task.expression, task.leaves, task.integers)
+        self._begun: Kept[Expr, Begun] = Kept(1)
         self._outputs: Kept[tuple[Wanted, int | None], list[Expr]] = Kept()
         self._programs: Kept[tuple[Wanted, int | None, bool, Integration], Program | ArrayProgram] = Kept()
 
@@ -246,15 +213,24 @@ class Derivation:
     def _flat_outputs(self, wanted: Wanted, entry: int | None) -> list[Expr]:
         task = self.task
         source, wrt = task.expression if entry is None else self.entries[entry], cast("tuple[Param, ...]", task.wrt)
+        beginning = None if wanted.along or (self.first_only and wanted.orders) else self._beginning(source)
         for direction in self.directions(wanted):
             source = self._without_deltas(jvp(source, cast("dict[Param | Var, object]", direction), task.maps))
-        outputs = compiled_outputs(source, wrt, wanted.orders, task.estimator, task.elimination)
+        outputs = compiled_outputs(source, wrt, wanted.orders, task.estimator, task.elimination, beginning)
         return outputs if wanted.values else outputs[1:]
+
+    def _beginning(self, source: Expr) -> Begun:
+        """Returns the beginning that values and derivatives share. It is kept, unless the program is long."""
+        beginning = self._begun.get(source, lambda: begun(source, self.task.elimination))
+        if size(beginning.normal) > SHORT:
+            self._begun.drop(source)
+        return beginning
 
     def _flat(self, wanted: Wanted, entry: int | None, errors: bool, how: Integration) -> Program:
         names = [p.name for p in self.arguments(wanted)]
+        values = self.outputs(VALUE, entry)
         outputs = [leaf for e in self.outputs(wanted, entry) for leaf in flatten(e)]
-        program = program_for(outputs, names, how, errors, about=About(differentiated=flatten(self.outputs(VALUE, entry)[0])))
+        program = program_for(outputs, names, how, errors, about=About(differentiated=flatten(values[0])))
         return replace(program, weighs_ties=is_second(wanted))
 
     # -- with loops ----------------------------------------------------------------------------------------------------

@@ -18,9 +18,10 @@ from teg.evaluator.framework import (
     checked_expression,
     nested,
 )
+from teg.evaluator.kept import Kept
 from teg.evaluator.kernels import DerivativeKernels, dimensions_of
 from teg.evaluator.options import DEFAULT_TOLS, Discontinuities, Inaccurate, Jumps, Machine, Options, checked_dtype
-from teg.evaluator.plan import Kept, Plan
+from teg.evaluator.plan import Plan
 from teg.ir.expr import Expr, Operand, Param
 from teg.ir.index import ArrayName, IndexArray
 from teg.passes.differentiate.through_sums import parameters_and_arrays

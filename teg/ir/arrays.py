@@ -146,6 +146,7 @@ class Slope(Placed):
 
 
 LEAVES = (Gather, Unit, IndexValue, Placed)
+_OF_ARRAYS = Gather.bit | Unit.bit | IndexValue.bit | Placed.bit | Ranged.bit
 
 # -- what users call ---------------------------------------------------------------------------------------------------
 
@@ -275,7 +276,7 @@ def sum_over(body: Expr, k: IndexVar, lo: Index, hi: Index, as_written: bool = F
 
 def has_arrays(root: Node) -> bool:
     """Returns whether a program has arrays, indices or sums."""
-    return any(isinstance(n, (*LEAVES, Ranged)) for n in postorder([root]))
+    return root.kinds & _OF_ARRAYS != 0
 
 
 def integers_of(node: Node) -> tuple[Index, ...]:

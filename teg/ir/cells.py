@@ -17,7 +17,7 @@ from teg.ir.arrays import LEAVES, Gather, Placed, Ranged, Sum, Unit, arrays_of, 
 from teg.ir.expr import Expr, Param, Tuple
 from teg.ir.index import APART, ArrayName, Index, IndexConst, IndexValue, IndexVar, Length, index_const, index_leaves, substitute_index
 from teg.ir.node import Node, postorder
-from teg.ir.show import show
+from teg.ir.show import show, show_within
 from teg.ir.traverse import rebuild, rewrite_below
 from teg.ir.uncovered import Gaps
 
@@ -75,10 +75,10 @@ class Symbols:
 
 def _title(leaf: Expr, number: int) -> str:
     """Returns the name of a leaf's symbol: the leaf as it is written, or a number for a long sum, with its term if that is an entry."""
-    text = show(leaf, SHOWN)
     if not isinstance(leaf, Ranged):
-        return text[:SHOWN]
-    if len(text) <= SHOWN and "\n" not in text:
+        return show(leaf, SHOWN)[:SHOWN]
+    text = show_within(leaf, SHOWN)
+    if text is not None and len(text) <= SHOWN and "\n" not in text:
         return f"({text})"
     term = show(leaf.children[0], SHOWN // 2) if isinstance(leaf.children[0], LEAVES) else ""
     return f"{'Σ' if isinstance(leaf, Sum) else '#'}{number}[{leaf.index.name}]{term}"

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias, cast
 
 from teg.errors import ConditionError, OperandError
 from teg.ir.foreign_names import ours
-from teg.ir.node import Node
+from teg.ir.node import Node, new_bit, postorder_to
 from teg.numerics.error_function import inverse_erf, inverse_erfc
 
 if TYPE_CHECKING:
@@ -248,6 +248,9 @@ class Call(Expr):
     __slots__ = ()
     children: tuple[Expr, ...]
 
+    def _own_kinds(self) -> int:
+        return self.own_kinds | _NAME_BITS.get(self.data, 0)
+
     @property
     def name(self) -> str:
         return self.data  # type: ignore[no-any-return]
@@ -441,6 +444,19 @@ FUNCTIONS: dict[str, Callable[..., float]] = {
 `magnitude` is |u| without a surface at u = 0, for weights that cannot vanish. `root` is √u where u >= 0, and a number, not NaN, where
 rounding takes u below 0. `min` and `max` serve interval bounds.
 """
+
+
+_NAME_BITS: dict[Any, int] = {name: new_bit() for name in FUNCTIONS}
+
+
+def called(*names: str) -> int:
+    """Returns the kinds of nodes that apply one of these functions."""
+    return sum(_NAME_BITS[name] for name in names)
+
+
+def calls_of(kinds: int, *roots: Node) -> list[Call]:
+    """Returns the nodes that apply functions of some kinds, children before parents."""
+    return [n for n in postorder_to(roots, kinds) if isinstance(n, Call) and _NAME_BITS.get(n.data, 0) & kinds]
 
 
 def const(value: float) -> Const:

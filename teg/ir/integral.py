@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from teg.ir.expr import ONE, TRUE, ZERO, Add, And, Call, Compare, Const, Expr, Mul, Tuple, Var, Where
-from teg.ir.node import Node, postorder, union
+from teg.ir.expr import ONE, TRUE, ZERO, Add, And, Call, Compare, Const, Expr, Mul, Tuple, Var, Where, called, calls_of
+from teg.ir.node import Node, nodes_of, union
 from teg.ir.simplify import conjunction, mul, nonzero_part, sub, tuple_of, where
 
 PARTIAL = frozenset(("asin", "acos", "log", "log1p", "sqrt", "pow", "erfinv", "erfcinv"))
 """Functions that are not defined for all numbers."""
+_PARTIAL = called(*PARTIAL)
 
 
 class Integral(Expr):
@@ -145,8 +146,9 @@ def delta(g: Expr) -> Expr:
 
 def _asks_partial_functions(e: Node) -> bool:
     """Returns whether conditions of an expression ask a function of variables that is not defined everywhere."""
-    asked = postorder([n for n in postorder([e]) if isinstance(n, Compare) and n.free])
-    return any(isinstance(n, Call) and n.name in PARTIAL and n.children[0].free for n in asked)
+    if not e.kinds & _PARTIAL:
+        return False
+    return any(n.children[0].free for n in calls_of(_PARTIAL, *(n for n in nodes_of(Compare, e) if n.free)))
 
 
 def scaled_integral(body: Expr, var: Var, lo: Expr, hi: Expr) -> Expr:

@@ -2,27 +2,34 @@
 
 Equal nodes are one object, so `==` and `hash` are identity and a node is a good dictionary key. The table that interns them holds weak
 references only, so unused nodes are freed. Every traversal is iterative, so expressions may be 100 000 nodes deep.
+
+Each class of nodes has a bit, and a node knows the bits of all nodes below: what does not occur in an expression is not looked for.
 """
 
 from __future__ import annotations
 
 import hashlib
+import itertools
 import threading
 import weakref
 from collections.abc import Callable, Collection, Hashable, Iterable, Iterator
-from typing import Any, TypeVar
-
-_table: weakref.WeakValueDictionary[tuple[object, ...], Node] = weakref.WeakValueDictionary()
-_lock = threading.RLock()
+from typing import Any, ClassVar, TypeVar
 
 N = TypeVar("N", bound="Node")
 _NO_NAMES: frozenset[Any] = frozenset()
+_DELTA, _INTEGRAL = 1, 2
+_bits = itertools.count(2)
+
+
+def new_bit() -> int:
+    """Returns a bit for a kind of nodes."""
+    return 1 << next(_bits)
 
 
 class Node:
     """A class, some data (hashable, not a node unless it is a binder's variable) and children."""
 
-    __slots__ = ("__weakref__", "_digest", "children", "data", "free", "has_delta", "has_integral")
+    __slots__ = ("__weakref__", "_digest", "children", "data", "free", "has_delta", "has_integral", "kinds")
 
     _digest: int | None
     children: tuple[Node, ...]
@@ -30,33 +37,37 @@ class Node:
     free: frozenset[Any]  # the variables of integration that occur free
     has_delta: bool
     has_integral: bool
+    kinds: int  # the bits of the classes of all nodes below, its own included
     is_delta = False  # overridden in a class: then set on every node that contains a node of that class
     is_integral = False
+    bit: ClassVar[int] = 0  # of the class and those derived from it
+    own_kinds: ClassVar[int] = 0  # the bits of the class and its bases
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        cls.bit = new_bit()
+        cls.own_kinds = cls.bit | _DELTA * cls.is_delta | _INTEGRAL * cls.is_integral
+        for base in cls.__bases__:
+            cls.own_kinds |= getattr(base, "own_kinds", 0)
 
     @classmethod
     def make(cls: type[N], data: Hashable, children: tuple[Node, ...]) -> N:
         """Returns the one node of this class with this data and these children."""
         key = (cls, data, children)
-        with _lock:
-            node = _table.get(key)
-            if node is None:
-                node = object.__new__(cls)
-                has_delta, has_integral = cls.is_delta, cls.is_integral
-                for c in children:
-                    has_delta |= c.has_delta
-                    has_integral |= c.has_integral
-                fix = object.__setattr__
-                fix(node, "data", data)
-                fix(node, "children", children)
-                fix(node, "_digest", None)
-                fix(node, "free", node._free_variables())
-                fix(node, "has_delta", has_delta)
-                fix(node, "has_integral", has_integral)
-                _table[key] = node
-        return node  # type: ignore[return-value]
+        entry = _table.get(key)
+        node = None if entry is None else entry()
+        return _interned(key) if node is None else node  # type: ignore[return-value]
 
     def _free_variables(self) -> frozenset[Any]:
-        return union([c.free for c in self.children])
+        free = _NO_NAMES
+        for c in self.children:
+            if c.free is not free and not c.free <= free:
+                free = c.free if free <= c.free else free | c.free
+        return free
+
+    def _own_kinds(self) -> int:
+        """Returns the bits of this node alone."""
+        return self.own_kinds
 
     def __copy__(self: N) -> N:
         return self
@@ -71,6 +82,49 @@ class Node:
         order = postorder([self])
         number = {node: i for i, node in enumerate(order)}
         return (_rebuild, ([(type(n), n.data, tuple(number[c] for c in n.children)) for n in order],))
+
+
+class _Entry(weakref.ref[Node]):
+    """A weak reference that knows the key of its node."""
+
+    __slots__ = ("key",)
+
+    key: tuple[type[Node], Any, tuple[Node, ...]]
+
+
+_table: dict[tuple[type[Node], Any, tuple[Node, ...]], _Entry] = {}
+_lock = threading.RLock()
+
+
+def _interned(key: tuple[type[Node], Any, tuple[Node, ...]]) -> Node:
+    """Returns the one node of a key, made if there is none."""
+    with _lock:
+        entry = _table.get(key)
+        node = None if entry is None else entry()
+        if node is None:
+            cls, data, children = key
+            node = object.__new__(cls)
+            fix = object.__setattr__
+            fix(node, "data", data)
+            fix(node, "children", children)
+            fix(node, "_digest", None)
+            fix(node, "free", node._free_variables())
+            kinds = node._own_kinds()
+            for c in children:
+                kinds |= c.kinds
+            fix(node, "kinds", kinds)
+            fix(node, "has_delta", kinds & _DELTA != 0)
+            fix(node, "has_integral", kinds & _INTEGRAL != 0)
+            _table[key] = entry = _Entry(node, _forget)
+            entry.key = key
+    return node
+
+
+def _forget(entry: _Entry, table: dict[Any, _Entry] = _table, lock: threading.RLock = _lock) -> None:
+    """Removes a dead node from the table, unless its key has another one by now. Works while Python shuts down, without globals."""
+    with lock:
+        if table.get(entry.key) is entry:
+            del table[entry.key]
 
 
 def union(sets: list[frozenset[Any]]) -> frozenset[Any]:
@@ -107,6 +161,33 @@ def postorder(roots: Iterable[Node]) -> list[Node]:
                 return order
             order.append(path.pop())
             waiting = unvisited.pop()
+
+
+def postorder_to(roots: Iterable[Node], kinds: int) -> list[Node]:
+    """Returns the nodes below the roots that hold a node of these kinds, children before parents. No other part of a program is visited."""
+    order: list[Node] = []
+    seen: set[Node] = set()
+    path: list[Node] = []
+    unvisited: list[Iterator[Node]] = []
+    waiting = iter(roots)
+    while True:
+        for node in waiting:
+            if node.kinds & kinds and node not in seen:
+                seen.add(node)
+                path.append(node)
+                unvisited.append(waiting)
+                waiting = iter(node.children)
+                break
+        else:
+            if not unvisited:
+                return order
+            order.append(path.pop())
+            waiting = unvisited.pop()
+
+
+def nodes_of(cls: type[N], *roots: Node) -> list[N]:
+    """Returns the nodes of a class below the roots, once, children before parents. What holds none of them is not visited."""
+    return [n for n in postorder_to(roots, cls.bit) if isinstance(n, cls)]
 
 
 def postorder_through(

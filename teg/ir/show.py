@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from teg.ir.arrays import LEAVES, Ranged, Sum, show_leaf
 from teg.ir.choices import AnyOf, Nearest, Product
 from teg.ir.expr import (
@@ -42,13 +44,19 @@ def number(value: float) -> str:
 
 def show(root: Node, limit: int = _LIMIT) -> str:
     """Returns the expression as one line of mathematics; a program too long for that as a listing."""
+    text = show_within(root, limit)
+    return dump(root) if text is None else text
+
+
+def show_within(root: Node, limit: int) -> str | None:
+    """Returns the expression as one line of mathematics; None if it is too long for that."""
     text: dict[Node, tuple[str, int]] = {}
     total = 0
     for node in postorder([root]):
-        text[node] = _line(node, [text[c] for c in node.children])
+        text[node] = _line(node, [text[c] for c in node.children], text)
         total += len(text[node][0])
         if total > 20 * limit or len(text[node][0]) > limit:
-            return dump(root)
+            return None
     return text[root][0]
 
 
@@ -56,7 +64,7 @@ def _wrapped(part: tuple[str, int], at_least: int) -> str:
     return part[0] if part[1] >= at_least else f"({part[0]})"
 
 
-def _line(node: Node, parts: list[tuple[str, int]]) -> tuple[str, int]:
+def _line(node: Node, parts: list[tuple[str, int]], text: Mapping[Node, tuple[str, int]]) -> tuple[str, int]:
     match node:
         case Const():
             return number(node.data), _ATOM if node.data >= 0 else _SUM
@@ -112,7 +120,7 @@ def _line(node: Node, parts: list[tuple[str, int]]) -> tuple[str, int]:
         case PointMasses():
             return f"masses({parts[0][0]} = 0)", _ATOM
         case Cond():
-            return _condition_line(node, parts)
+            return _condition_line(node, parts, text)
         case _:
             raise AssertionError(f"unknown node {type(node).__name__}")
 
@@ -131,12 +139,12 @@ def _ranged_line(node: Ranged, parts: list[tuple[str, int]]) -> tuple[str, int]:
             return f"{type(node).__name__.lower()}{over}({', '.join(p[0] for p in parts)})", _ATOM
 
 
-def _condition_line(node: Cond, parts: list[tuple[str, int]]) -> tuple[str, int]:
+def _condition_line(node: Cond, parts: list[tuple[str, int]], text: Mapping[Node, tuple[str, int]]) -> tuple[str, int]:
     match node:
         case Truth():
             return ("true" if node.data else "false"), _NOT
         case Compare():
-            return _comparison(node, parts), _NOT
+            return _comparison(node, text), _NOT
         case Not():
             return "~" + (parts[0][0] if parts[0][1] > _NOT else f"({parts[0][0]})"), _NOT
         case And():
@@ -171,11 +179,12 @@ def _product(node: Mul, parts: list[tuple[str, int]]) -> tuple[str, int]:
     return text, _PRODUCT
 
 
-def _comparison(node: Compare, parts: list[tuple[str, int]]) -> str:
+def _comparison(node: Compare, text: Mapping[Node, tuple[str, int]]) -> str:
+    whole = text[node.g][0]
     relation = (" < ", " > ") if node.strict else (" ≤ ", " ≥ ")
     if isinstance(node.g, Add) and len(node.g.children) == 2:
         a, b = node.g.children
-        left, right = show(a), show(b)
+        left, right = text[a][0], text[b][0]
         if right.startswith("-") and " + " not in right and " - " not in right[1:]:
             return right[1:] + relation[0] + left
         if left.startswith("-") and " + " not in left and " - " not in left[1:]:
@@ -183,8 +192,8 @@ def _comparison(node: Compare, parts: list[tuple[str, int]]) -> str:
         if isinstance(b, Const) and b.data < 0:
             return left + relation[1] + number(-b.data)
     if isinstance(node.g, Mul) and isinstance(node.g.children[0], Const) and node.g.children[0].data == -1:
-        return parts[0][0][1:] + relation[0] + "0"
-    return parts[0][0] + relation[1] + "0"
+        return whole[1:] + relation[0] + "0"
+    return whole + relation[1] + "0"
 
 
 def dump(*roots: Node) -> str:

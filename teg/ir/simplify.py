@@ -61,10 +61,11 @@ def add(*terms: Expr) -> Expr:
     parts: dict[Expr, float] = {}
     branches: dict[Cond, list[Where]] = {}
     for term in terms:
-        if isinstance(term, Const):
+        kind = type(term)
+        if kind is Const:
             constant += term.data
-        elif isinstance(term, Mul):
-            coefficient, product = _split(term)
+        elif kind is Mul and type(term.children[0]) is Const:
+            coefficient, product = _split(cast(Mul, term))
             parts[product] = parts.get(product, 0.0) + coefficient
         else:
             parts[term] = parts.get(term, 0.0) + 1.0
@@ -76,12 +77,18 @@ def add(*terms: Expr) -> Expr:
             merged = where(condition, add(*(mul(c, w.then) for c, w in times)), add(*(mul(c, w.otherwise) for c, w in times)))
             if merged is not ZERO:
                 parts[merged] = parts.get(merged, 0.0) + 1.0
-    kept = [mul(const(c), product) if c != 1.0 else product for product, c in parts.items() if c != 0.0]
+    kept = [_multiple(c, product) if c != 1.0 else product for product, c in parts.items() if c != 0.0]
     if constant != 0.0:
         kept.append(const(constant))
     if not kept:
         return ZERO
     return kept[0] if len(kept) == 1 else Add.make(None, tuple(kept))
+
+
+def _multiple(c: float, e: Expr) -> Expr:
+    """Returns a number, neither 0 nor 1, times an expression."""
+    is_factor = type(e) not in (Mul, Where, Const)  # of which nothing is simplified
+    return Mul.make(None, (const(c), e)) if is_factor else mul(const(c), e)
 
 
 def collected(e: Expr) -> Expr:
@@ -145,30 +152,44 @@ def mul(*factors: Expr) -> Expr:
     coefficient = 1.0
     powers: dict[Expr, int] = {}
     conditions: list[Cond] = []
-    stack = list(reversed(factors))
+    has_product = may_settle = False
+    stack: list[Expr] = [*reversed(factors)]
     while stack:
         factor = stack.pop()
-        if isinstance(factor, Const):
+        kind = type(factor)
+        if kind is Const:
             coefficient *= factor.data
-        elif isinstance(factor, Mul) and len(factor.children) <= _FLATTEN:
-            stack.extend(reversed(factor.children))
-        elif isinstance(factor, Where) and factor.otherwise is ZERO:
-            conditions.append(factor.condition)
-            stack.append(factor.then)
-        elif isinstance(factor, Where) and factor.then is ZERO:
-            conditions.append(negation(factor.condition))
-            stack.append(factor.otherwise)
-        elif isinstance(factor, Pow):
-            powers[factor.base] = powers.get(factor.base, 0) + factor.exponent
-        else:
-            powers[factor] = powers.get(factor, 0) + 1
-    if len(powers) > 1:
+            continue
+        if kind is Mul:
+            if len(factor.children) <= _FLATTEN:
+                stack.extend(reversed(cast(Mul, factor).children))
+                continue
+            has_product = True
+        elif kind is Pow:
+            base = cast(Pow, factor).base
+            has_product = has_product or type(base) is Mul
+            may_settle = may_settle or base is ZERO or isinstance(base, Call)
+            powers[base] = powers.get(base, 0) + factor.data
+            continue
+        elif isinstance(factor, Where):
+            if factor.otherwise is ZERO:
+                conditions.append(factor.condition)
+                stack.append(factor.then)
+                continue
+            if factor.then is ZERO:
+                conditions.append(negation(factor.condition))
+                stack.append(factor.otherwise)
+                continue
+        elif isinstance(factor, Call):
+            may_settle = True
+        powers[factor] = powers.get(factor, 0) + 1
+    if has_product and len(powers) > 1:
         coefficient *= _cancel_in_products(powers)
-    if any([_is_power_of_zero(factor) for factor in powers]):
+    if (has_product or may_settle) and any([_is_power_of_zero(factor) for factor in powers]):
         _settle_zeros(powers)
     if coefficient == 0.0:
         return const(math.nan) if powers.get(ZERO, 0) < 0 else ZERO  # 0/0, which a limit would decide
-    kept: list[Expr] = [_integer_power(base, k) for base, k in powers.items() if k != 0]
+    kept: list[Expr] = [base if k == 1 else Pow.make(k, (base,)) for base, k in powers.items() if k != 0]
     if coefficient != 1.0 or not kept:
         kept.insert(0, const(coefficient))
     product = kept[0] if len(kept) == 1 else Mul.make(None, tuple(kept))
@@ -230,10 +251,6 @@ def _is_exponential_of_pole(e: Expr, depth: int = 0) -> bool:
 def _has_pole_at_zero(e: Expr) -> bool:
     factors = e.children if isinstance(e, Mul) else (e,)
     return any(isinstance(f, Pow) and f.base is ZERO and f.exponent < 0 for f in factors)
-
-
-def _integer_power(base: Expr, k: int) -> Expr:
-    return base if k == 1 else Pow.make(k, (base,))
 
 
 def power(base: Expr, exponent: Expr) -> Expr:

@@ -24,7 +24,7 @@ _STEPS = ("floor", "ceil", "round")
 
 def has_still(root: Node) -> bool:
     """Returns whether an expression has parameters or entries that do not move."""
-    return any(isinstance(n, Still | StillGather) for n in postorder([root]))
+    return root.kinds & (Still.bit | StillGather.bit) != 0
 
 
 def with_still_parameters(root: N) -> N:

@@ -30,7 +30,7 @@ from teg.ir.expr import (
 )
 from teg.ir.function import Apply
 from teg.ir.integral import ClosedForm, Delta, Integral, PointMasses, delta, integral_over
-from teg.ir.node import Node, postorder, postorder_through, union
+from teg.ir.node import Node, postorder, postorder_through, postorder_to, union
 from teg.ir.operands import as_program
 
 Result = TypeVar("Result")
@@ -51,6 +51,20 @@ def parameters(*roots: Node) -> list[Param]:
     return list(dict.fromkeys(Param.make(n.data, ()) if isinstance(n, Still) else n for n in every))
 
 
+_MAKERS: dict[type[Node], Callable[..., Node]] = {
+    Add: simplify.add,
+    Mul: simplify.mul,
+    Where: simplify.where,
+    Tuple: simplify.tuple_of,
+    Not: simplify.negation,
+    And: simplify.conjunction,
+    Or: simplify.disjunction,
+    HalfAngle: simplify.half_angle,
+    UncountedFloor: simplify.uncounted_floor,
+}
+"""The simplifying constructors of nodes whose data say nothing."""
+
+
 def rebuild(node: Node, children: tuple[Node, ...]) -> Node:
     """Returns the node with other children, through the simplifying constructors."""
     return node if children == node.children else remake(node, children)
@@ -60,27 +74,20 @@ def remake(node: Node, children: tuple[Node, ...]) -> Node:
     """Returns the node with these children, through the simplifying constructors even if they are its own. Operators
     do not simplify fully."""
     c = cast(Any, children)
+    make = _MAKERS.get(type(node))
+    if make is not None:
+        return make(*c)
     match node:
-        case Add():
-            return simplify.add(*c)
-        case Mul():
-            return simplify.mul(*c)
+        case Const() | Param() | Var() | Truth():
+            return node
         case Pow():
             return simplify.integer_power(c[0], node.exponent)
         case Apply():
             return Apply.make(node.data, c)
         case ClosedForm():
             return type(node).make(node.data, c)
-        case HalfAngle():
-            return simplify.half_angle(*c)
-        case UncountedFloor():
-            return simplify.uncounted_floor(*c)
         case Call():
             return simplify.call(node.name, *c)
-        case Where():
-            return simplify.where(*c)
-        case Tuple():
-            return simplify.tuple_of(*c)
         case Integral():
             return integral_over(c[0], node.var, c[1], c[2])
         case Delta():
@@ -89,19 +96,11 @@ def remake(node: Node, children: tuple[Node, ...]) -> Node:
             return PointMasses.make(None, c)
         case Compare():
             return simplify.positive(c[0], node.strict, c[1] if len(c) == 2 else None, node.rivals)
-        case Not():
-            return simplify.negation(c[0])
-        case And():
-            return simplify.conjunction(*c)
-        case Or():
-            return simplify.disjunction(*c)
         case Ranged():
             return node.over(children, node.index, node.lo, node.hi)
         case Placed():
             return type(node).make(node.data, c)
         case _ if isinstance(node, LEAVES):
-            return node
-        case Const() | Param() | Var() | Truth():
             return node
         case _:
             raise AssertionError(f"unknown node {type(node).__name__}")
@@ -114,6 +113,14 @@ def rewrite(roots: Iterable[Node], visit: Callable[[Node, Node], Node]) -> dict[
     for node in postorder(roots):
         new[node] = visit(node, rebuild(node, tuple([new[c] for c in node.children])))
     return new
+
+
+def rewritten(root: Expr, kinds: int, visit: Callable[[Node, Node], Node]) -> Expr:
+    """Returns an expression as `rewrite` does, where `visit` replaces nodes of some kinds only. What holds none of these is not visited."""
+    new: dict[Node, Node] = {}
+    for node in postorder_to([root], kinds):
+        new[node] = visit(node, rebuild(node, tuple([new.get(c, c) for c in node.children])))
+    return cast(Expr, new.get(root, root))
 
 
 def rewrite_below(roots: Iterable[Node], replacement: Callable[[Node], Node | None]) -> dict[Node, Node]:

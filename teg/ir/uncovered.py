@@ -15,7 +15,7 @@ from teg.ir.arrays import Ranged
 from teg.ir.expr import Cond, Expr, Param, Var, Where
 from teg.ir.function import Apply, Slot
 from teg.ir.index import APART
-from teg.ir.node import Node, postorder, union
+from teg.ir.node import Node, nodes_of, union
 
 TURN = Param.make(f"{APART}turn cos", ()), Param.make(f"{APART}turn sin", ())
 """The cosine and the sine of the angle around which a quarter of an ellipse lies, in integrals along it: there is one for each quarter."""
@@ -25,7 +25,7 @@ VELOCITIES = Param.make(f"{APART}left moves", ()), Param.make(f"{APART}right mov
 
 def marks_of(root: Node) -> list[Apply]:
     """Returns the places in an expression that candidates may cover: functions without a body."""
-    return [n for n in postorder([root]) if isinstance(n, Apply) and isinstance(n.callee, Slot) and len(n.callee.data) > 4]
+    return [n for n in nodes_of(Apply, root) if isinstance(n.callee, Slot) and len(n.callee.data) > 4]
 
 
 class Uncovered(Ranged, Expr):

@@ -20,8 +20,9 @@ def divided(x: int, y: int) -> int:
     return x * inverse(y) % P
 
 
+@lru_cache(maxsize=4096, typed=True)
 def residue(*key: object) -> int:
-    """A random element of the field that stands for `key`."""
+    """A random element of the field that stands for `key`. Cached: most keys are names of parameters."""
     return int.from_bytes(hashlib.blake2b(repr(key).encode(), digest_size=64).digest(), "little") % P
 
 

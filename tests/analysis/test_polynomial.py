@@ -6,7 +6,9 @@ import pytest
 
 import teg
 from teg.analysis.polynomial import Point, Shadow, is_null
+from teg.ir.expr import ONE, Add
 from teg.ir.simplify import call
+from teg.numerics.field import P
 
 x, y, z = teg.vars("x y z")
 t, a, b = teg.params("t a b")
@@ -76,3 +78,41 @@ def test_extremes_are_sizes_of_differences() -> None:
         assert is_null(e), e
     assert point.value(call("magnitude", u)) not in (point.value(u), point.value(-u), 0)
     assert not is_null(call("magnitude", u) + call("magnitude", v) - call("magnitude", u + v))
+
+
+@pytest.mark.parametrize(
+    "e",
+    [
+        x * t + a / t - 2.5,
+        (x - t) ** 3 * teg.sin(a) - x / (a * a + t),
+        teg.where(t < a, x * t, x**2 - a),
+        teg.where(x < a, x, t) * teg.exp(-t),
+        teg.function("plane", [x, y], 3 * x + y * t)(x, a) + teg.function("wave", [x], teg.sin(x))(t),
+        x * call("max", t, a) - call("min", t * a, b) + call("magnitude", a),
+        x * (t - t) ** -2,
+        teg.integral(teg.bracket(y < t) * y, (y, 0, a)) * x + t,
+    ],
+    ids=str,
+)
+def test_a_polynomial_at_the_point_is_the_value_there(e: teg.Expr) -> None:
+    """Horner's rule in the field, at the random element that stands for the variable."""
+    point, polynomial = Point(), Shadow((x,)).polynomial(e)
+    assert polynomial is not None
+    value, place = 0, point.value(x)
+    assert place is not None
+    for k in range(max(m[0] for m in polynomial), -1, -1):
+        value = (value * place + polynomial.get((k,), 0)) % P
+    assert value == point.value(e)
+    assert {m: c for m, c in polynomial.items() if not 0 < c < P} == {}
+
+
+def test_a_denominator_of_1_is_shared_without_harm() -> None:
+    """A sum does not change the terms of its parts."""
+    shadow = Shadow((x,))
+    part = 1 / (x + t)
+    before = shadow.of(part)
+    assert before is not None
+    kept = dict(before[0]), dict(before[1])
+    shadow.of(Add.make(None, (ONE, part, x)))
+    shadow.of(part + part * x + 1 / (x - a))
+    assert shadow.of(part) == kept

@@ -12,6 +12,7 @@ import pytest
 import teg
 from teg.ir.arrays import Gather, Sum
 from teg.ir.index import Index, IndexConst
+from teg.program.arrays import ArrayProgram, Load, Loop
 
 V, W = teg.array("V", 2), teg.array("W")
 F = teg.indices("F", 2)
@@ -152,3 +153,14 @@ def test_integers_are_constants_of_the_program() -> None:
     assert value == 3.0
     assert slopes["n"] == pytest.approx(-1.0)  # of the quotient: a length has no derivative
     np.testing.assert_allclose(slopes["W"], 1 / 3)
+
+
+def test_numbers_that_are_read_alone_are_read_in_the_order_in_which_they_are_wanted() -> None:
+    """The text of a program is the same in every process: its compiled form is found in the cache."""
+    V, k = teg.array("V", 2), teg.index("k")
+    columns = [5, 2, 7, 0, 6, 1, 4, 3]
+    entries = [teg.sum(V[k, c], (k, 0, 3)) + V[0, c] * 0 for c in columns] + [V[1, c] + 0 * V[2, c] for c in columns]
+    program = teg.compile(teg.tuple(*entries, *(V[1, c] for c in columns)), []).program(0)
+    assert isinstance(program, ArrayProgram)
+    loop = next(step for step in program.body if isinstance(step, Loop))
+    assert [step.subscripts[1] for step in loop.body if isinstance(step, Load)] == columns

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 import teg
+from teg.ir.show import show, show_within
 from tests.references import REFERENCES, Reference
 
 x, y = teg.vars("x y")
@@ -77,3 +78,10 @@ def test_what_is_shared_exponentially_often_becomes_a_listing() -> None:
         e = e * e + teg.sin(e)
     assert str(e).startswith("%0 = ")
     assert len(str(e)) < 10_000
+
+
+def test_what_is_too_long_for_a_line_has_no_text_of_one_line() -> None:
+    e = teg.sin(x) + teg.cos(t)
+    assert show_within(e, len(str(e))) == str(e) == "sin(x) + cos(t)"
+    assert show_within(e, len(str(e)) - 1) is None
+    assert show(e, len(str(e)) - 1) == teg.dump(e)

@@ -34,6 +34,14 @@ IN_ANALYSES: tuple[Mutant, ...] = (
         "teg/analysis/polynomial.py",
         ("tests/analysis/test_polynomial.py", "tests/passes/normalise/test_canonicalise.py"),
         ("the size of a negative number", "least = min(value % P, -value % P)", "least = value % P"),
+        ("a branch at a point", "return (otherwise + (then - otherwise) *", "return (otherwise - (then - otherwise) *"),
+        ("terms that a sum changes", "return dict(b) if factor == 1", "return b if factor == 1"),
+    ),
+    *mutants(
+        "teg/ir/node.py",
+        ("tests/ir/test_node.py",),
+        ("kinds of what is below", "kinds |= c.kinds", "kinds |= c.own_kinds"),
+        ("kinds of bases", 'cls.own_kinds |= getattr(base, "own_kinds", 0)', "pass"),
     ),
     *mutants(
         "teg/numerics/arrangement.py",

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
 import teg
+from teg import pipeline
 from teg.ir.expr import Add, Expr
+from teg.passes.differentiate.estimators.exact import Exact
 from teg.passes.normalise.canonicalise import Canonical
-from teg.pipeline import eliminations, run_pass, to_atoms, to_finished
+from teg.pipeline import begun, compiled_outputs, eliminations, normal_form, run_pass, to_atoms, to_finished
 
 x, y = teg.vars("x y")
 t, a = teg.params("t a")
@@ -47,3 +51,26 @@ def test_a_pass_that_makes_a_malformed_expression_is_named(monkeypatch: pytest.M
         run_pass("broken", broken, E)
     monkeypatch.delenv("TEG_VERIFY")
     assert run_pass("broken", broken, E).children == (E,)
+
+
+def test_a_beginning_serves_several_derivations() -> None:
+    """Values and derivatives that share the normal form are those that do not, however often it serves."""
+    for e in (E, teg.diff(E, t), E * teg.integral(teg.bracket(x * x + y < a) * teg.exp(x), (x, 0, 1), (y, 0, 1))):
+        beginning = begun(e)
+        for orders in (1, 0, 2, 1):
+            assert compiled_outputs(e, [t, a], orders, Exact(), beginning=beginning) == compiled_outputs(e, [t, a], orders, Exact())
+
+
+def test_a_gradient_takes_one_normal_form(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The values, of which its integrals are to be derivatives, begin with the same one."""
+    seen: list[Expr] = []
+
+    def counted(e: Expr, *args: Any, **options: Any) -> Expr:
+        seen.append(e)
+        return normal_form(e, *args, **options)
+
+    monkeypatch.setattr(pipeline, "normal_form", counted)
+    value, gradient = teg.compile(E, [t]).value_and_grad(t=0.4, a=0.5)
+    assert value == pytest.approx((0.4**3 - 0.0) / (6 * 0.5) - max(0.0, 0.4 - 0.5) ** 3 / (6 * 0.5))
+    assert gradient["t"] == pytest.approx(0.4**2 / (2 * 0.5))
+    assert seen == [E]

@@ -40,7 +40,7 @@ from teg.ir.expr import FALSE, MINUS_ONE, ONE, TRUE, ZERO, Add, Compare, Cond, E
 from teg.ir.function import Apply, Slot
 from teg.ir.index import APART, IndexVar, index_const
 from teg.ir.integral import Integral, PointMasses, integral_over
-from teg.ir.node import Node, postorder
+from teg.ir.node import Node, nodes_of, postorder
 from teg.ir.operands import as_number, less
 from teg.ir.simplify import add, bracket, call, conjunction, disjunction, integer_power, mul, negation, positive, sub, where
 from teg.ir.still import with_still_parameters
@@ -247,10 +247,12 @@ def _slope(g: Expr, x: Var) -> Expr:
 
 def with_gaps(e: Expr, derive: Derive) -> Expr:
     """Returns an expression without δ in which sums over gaps stand for what may be covered. Raises Refused."""
-    if not marks_of(e) and TURN[0] not in postorder([e]):
+    if not marks_of(e) and TURN[0] not in nodes_of(Param, e):
         return e
 
     def replacement(node: Node) -> Node | None:
+        if not node.kinds & Apply.bit:
+            return node
         if isinstance(node, Where) and not node.free and marks_of(node):
             return _of_branches(node, derive)
         if isinstance(node, Integral) and marks_of(node):

@@ -23,7 +23,7 @@ from teg.analysis.intervals import Enclosure, Interval
 from teg.errors import NotDifferentiableError, OperandError
 from teg.ir.expr import MINUS_ONE, TRUE, Call, Compare, Cond, Expr, Param, Tuple, Var, Where, const
 from teg.ir.integral import Delta, Integral
-from teg.ir.node import Node, postorder
+from teg.ir.node import Node, postorder, postorder_to
 from teg.ir.simplify import add, call, conjunction, disjunction, mul, negation, positive, tuple_of, where
 from teg.ir.traverse import parameters
 from teg.passes.normalise.cuts import cut_angles
@@ -48,7 +48,7 @@ class MissedCuts:
         self._met: list[_Missed] = []
         if cut_angles(normal):
             self._collect(normal)
-        for g in dict.fromkeys(n.g for n in postorder([normal]) if isinstance(n, Compare | Delta)):
+        for g in dict.fromkeys(n.g for n in postorder_to([normal], Compare.bit | Delta.bit) if isinstance(n, Compare | Delta)):
             for c in factors_beside_squares(g):
                 self._met.append(_Missed(frozenset(parameters(g)), True, negation(positive(c))))
 

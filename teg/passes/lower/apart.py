@@ -12,11 +12,11 @@ from collections.abc import Sequence
 from typing import cast
 
 from teg.analysis.breaks import BreakAnalysis
-from teg.ir.expr import ONE, Add, Compare, Expr, Mul
+from teg.ir.expr import ONE, Add, Compare, Expr, Mul, Tuple
 from teg.ir.integral import Integral, integral_over
-from teg.ir.node import Node, postorder
-from teg.ir.simplify import add, mul
-from teg.ir.traverse import rewrite
+from teg.ir.node import Node, nodes_of
+from teg.ir.simplify import add, mul, tuple_of
+from teg.ir.traverse import rewritten
 from teg.passes.lower.intervals import interval_of
 
 MOST = 24
@@ -36,8 +36,7 @@ def with_terms_apart(outputs: Sequence[Expr], analysis: BreakAnalysis) -> list[E
         closed = all(isinstance(p, Integral) and interval_of([p], analysis.of(p)) is not None for p in parts)
         return add(*parts) if closed else node
 
-    found = rewrite(list(outputs), visit)
-    return [cast(Expr, found[e]) for e in outputs]
+    return list(cast(Tuple, rewritten(tuple_of(*outputs), Integral.bit, visit)).children)
 
 
 def _terms(body: Expr, node: Integral) -> list[Expr]:
@@ -60,4 +59,4 @@ def _terms(body: Expr, node: Integral) -> list[Expr]:
 
 def _atoms(e: Node, node: Integral) -> frozenset[Node]:
     """Returns the conditions of an expression on the variable of integration."""
-    return frozenset(n for n in postorder([e]) if isinstance(n, Compare) and node.var in n.free)
+    return frozenset(n for n in nodes_of(Compare, e) if node.var in n.free)

@@ -17,10 +17,11 @@ from typing import cast
 
 from teg.analysis.calculus import slope
 from teg.analysis.intervals import Enclosure
+from teg.analysis.polynomial import value_children
 from teg.analysis.sharp import LARGEST, range_of, sizes
 from teg.analysis.surfaces import binders_inside
 from teg.errors import NotDifferentiableError
-from teg.ir.expr import ZERO, Call, Const, Expr, Pow, Var, const
+from teg.ir.expr import ZERO, Add, Call, Const, Expr, Mul, Pow, Var, Where, called, calls_of, const
 from teg.ir.integral import Integral
 from teg.ir.node import Node, postorder
 from teg.ir.simplify import call, mul, positive, sub, where
@@ -28,6 +29,8 @@ from teg.ir.traverse import fresh, rewrite_below
 
 SIZES = ("pow", "exp", "cosh", "sinh")
 """Functions whose values are no larger than their sharp values, as those of powers."""
+CURVED = frozenset(("sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "exp", "log", "erf", "erfc", "sqrt", "pow"))
+"""Functions whose derivative depends on their argument."""
 _INFINITY = const(math.inf)
 NEAR_ROOT = 2.0**-48
 """Where |g| is below this part of its largest value in a box, a power of it that is integrable counts as it is there."""
@@ -41,6 +44,7 @@ class Changes:
         taken = frozenset[Var]().union(*(e.free for e in bodies), *(binders_inside(e) for e in bodies), boxed.box)
         self.value = fresh("value", taken)
         self.known: dict[tuple[Expr, ...], Expr] = {}
+        self._curved: dict[tuple[Expr, ...], set[Node]] = {}
 
     def of(self, node: Expr, most: Expr, inner: Integral | None = None) -> Expr:
         """Returns the bound where the node, in an inner integral if one is given, is at most so large; infinite where none is known.
@@ -51,7 +55,7 @@ class Changes:
             return _INFINITY
         part: Expr = self.value
         base = cast(Expr, node.children[0])
-        if any(isinstance(n, Call) and n.name == "log" and n.children[0] is base for n in postorder(self.bodies)):
+        if any(n.children[0] is base for n in calls_of(called("log"), *self.bodies)):
             exponent = const(float(node.exponent)) if isinstance(node, Pow) else node.children[-1]
             part, most = mul(self.value, call("pow", base, mul(const(0.5), exponent))), call("sqrt", most)
         key = (node,) if inner is None else (node, inner)
@@ -69,6 +73,10 @@ class Changes:
 
     def _rate(self, bodies: Sequence[Expr], node: Expr, part: Expr, boxed: Enclosure) -> Expr:
         """Returns a bound of the derivatives by the value, with `part`, where it stands, for a node; infinite where they depend on it."""
+        if tuple(bodies) not in self._curved:
+            self._curved[tuple(bodies)] = curved_nodes(bodies)
+        if node in self._curved[tuple(bodies)]:
+            return _INFINITY
         new = rewrite_below(bodies, lambda n: part if n is node else None)
         try:
             rates = [slope(cast(Expr, new[b]), self.value) for b in bodies]
@@ -78,6 +86,15 @@ class Changes:
             return _INFINITY
         bounded = rewrite_below(rates, lambda n: _bound_of_singular(n, boxed))
         return reduce(lambda a, b: call("max", a, b), sizes([cast(Expr, bounded[rate]) for rate in rates], boxed))
+
+
+def curved_nodes(bodies: Sequence[Expr]) -> set[Node]:
+    """Returns the nodes in powers and functions, in value position: no body is linear in one of them. Linear."""
+    curved: set[Node] = set()
+    for node in reversed(postorder(bodies)):
+        if node in curved or isinstance(node, Pow) or (type(node) is Call and node.name in CURVED):
+            curved.update(value_children(node) if isinstance(node, Add | Mul | Pow | Where) or type(node) is Call else ())
+    return curved
 
 
 def _bound_of_singular(node: Node, boxed: Enclosure) -> Expr | None:

@@ -104,15 +104,16 @@ class Emitter:
 
     def emit(self, root: Node, level: Level) -> None:
         """Gives the node and everything below it a name, children first, without recursion (except for nested integrals)."""
+        home_of = self.home_of
         stack: list[tuple[Node, Level]] = [(root, level)]
         while stack:
             node, at = stack[-1]
-            home = self.home_of(node, at)
+            home = home_of(node, at)
             if node in home.names:
                 stack.pop()
                 continue
             children: Sequence[Node] = node.children[1:] if isinstance(node, Integral) else node.children
-            missing = [(c, home) for c in children if c not in self.home_of(c, home).names]
+            missing = [(c, home) for c in children if c not in home_of(c, home).names]
             if missing:
                 stack.extend(reversed(missing))
                 continue

@@ -16,7 +16,7 @@ from teg.analysis.centres import Centres, is_high
 from teg.analysis.endless import factor_of_logarithm
 from teg.analysis.polynomial import Shadow
 from teg.analysis.tails import infinite_ends, is_unbounded
-from teg.ir.expr import MINUS_ONE, ZERO, Add, Call, Const, Expr, Var
+from teg.ir.expr import MINUS_ONE, ZERO, Add, Call, Const, Expr, Var, called, calls_of
 from teg.ir.integral import Integral
 from teg.ir.node import Node, postorder
 from teg.ir.simplify import div, mul
@@ -93,8 +93,8 @@ class Features:
         """Yields the linear and quadratic exponents in the integrands, with slope at 0 and curvature."""
         x, bodies = group[0].var, [i.body for i in group]
         inner = self.binders(bodies)
-        for node in postorder(bodies):
-            if isinstance(node, Call) and node.name == "exp" and x in node.free:
+        for node in calls_of(called("exp"), *bodies):
+            if x in node.free:
                 pair = self.quadratic(node, x, inner)
                 if pair is not None:
                     yield node.children[0], pair
@@ -103,7 +103,7 @@ class Features:
         """Returns slope at 0 and curvature of the exponent of an exponential of a linear or quadratic polynomial; curvature ZERO for a
         linear one."""
         exponent = self._at_ridge(node.children[0], inner)
-        degree = Shadow((x,)).degree(exponent)
+        degree = self.analysis.functions.degrees.of(exponent, x)
         if degree not in (1, 2):
             return None
         rate = slope(exponent, x)
@@ -115,7 +115,7 @@ class Features:
     def _at_ridge(self, exponent: Expr, inner: frozenset[Var]) -> Expr:
         """Returns an exponent that is quadratic in variables of inner integrals, at its stationary point in these."""
         for v in [v for v in inner if v in exponent.free]:
-            if Shadow((v,)).degree(exponent) != 2:
+            if self.analysis.functions.degrees.of(exponent, v) != 2:
                 return exponent
             rate = slope(exponent, v)
             at_0, curvature = (cast(Expr, substitute(e, {v: ZERO})) for e in (rate, slope(rate, v)))

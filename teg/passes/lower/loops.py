@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache
 from typing import cast
 
 from teg.errors import DeltaError
@@ -124,6 +125,7 @@ class _ArrayScheduler:
         self._sources = _sources(differentiated)
         self._number = {a: k for k, a in enumerate(self.arrays)}
         self._count = 0
+        self._title: Callable[[Expr], str] = cache(lambda leaf: str(leaf)[:60])
         self._depth: dict[Arg, int] = {}  # by name: the level where it is defined
         self._open: dict[Node, frozenset[IndexVar]] = {}
         self._sloped: set[Node] = set()  # partitions of which derivatives are used
@@ -444,7 +446,7 @@ class _ArrayScheduler:
     def _cell(self, level: _Level, values: Sequence[Expr]) -> list[Arg]:
         """Returns names of numbers at a level. Expressions are computed by flat programs, cut where they stop depending on an index."""
         levels = self._indices(level)
-        simple = {v for v in values if isinstance(v, Const | Gather | IndexValue) or self._known(v, levels) is not None}
+        simple = dict.fromkeys(v for v in values if isinstance(v, Const | Gather | IndexValue) or self._known(v, levels) is not None)
         rest = list(dict.fromkeys(v for v in values if v not in simple))
         names: dict[Expr, Arg] = {v: float(v.data) if isinstance(v, Const) else self._leaf(v, level) for v in simple}
         if rest:
@@ -465,7 +467,7 @@ class _ArrayScheduler:
         given = [*inputs, *(self._leaf(p, level) for p in plain)]
         names = [*(s.name for s in symbols.values()), *(p.name for p in plain)]
         program = self.flat(cells, names, self._sources_of(symbols)) if line is None else self.places(cells, names, line)
-        program = replace(program, parameters=(*(str(leaf)[:60] for leaf in leaves), *(p.name for p in plain)))
+        program = replace(program, parameters=(*map(self._title, leaves), *(p.name for p in plain)))
         depths = [self._depth.get(a, 0) if isinstance(a, str) else 0 for a in given]
         return self._split(level, program, given, depths)
 

@@ -25,7 +25,7 @@ from teg.analysis.roots import local_origin, solve
 from teg.analysis.surfaces import atoms_of
 from teg.analysis.tails import infinite_ends, is_unbounded
 from teg.errors import NotDifferentiableError
-from teg.ir.expr import MINUS_ONE, ONE, TRUE, ZERO, Call, Compare, Cond, Expr, Var, const, has_cut
+from teg.ir.expr import MINUS_ONE, ONE, TRUE, ZERO, Call, Compare, Cond, Expr, Var, called, calls_of, const, has_cut
 from teg.ir.integral import Integral, PointMasses
 from teg.ir.node import postorder
 from teg.ir.simplify import add, call, conjunction, disjunction, div, mul, positive, sub, where
@@ -96,11 +96,11 @@ class Pieces:
         """
         functions, bodies = set(self.analysis.of(group[0]).functions), [i.body for i in group]
         exact = any(self.rules.is_exact(i, home.depth) for i in group)
-        if exact or any(isinstance(n, PointMasses) for n in postorder(bodies)):
+        if exact or any(b.kinds & PointMasses.bit for b in bodies):
             return functions
         inner = self.out.binders(bodies)
         own = {a.g for i in group for a in atoms_of(i.body, i.var) if not a.g.free & inner}
-        own |= {cast(Expr, n.children[0]) for n in postorder(bodies) if has_cut(n) and not n.free & inner}
+        own |= {n.children[0] for n in calls_of(called("atan2"), *bodies) if has_cut(n) and not n.free & inner}
         keys = {self.analysis.functions.key(g) for g in own}
         return {f for f in functions if self.analysis.functions.key(f) in keys}
 

@@ -18,7 +18,7 @@ from teg.analysis.tails import is_unbounded
 from teg.analysis.waves import gauss_nodes
 from teg.ir.expr import Compare, Const, Expr
 from teg.ir.integral import Integral, masses_of
-from teg.ir.node import Node, postorder
+from teg.ir.node import Node, nodes_of, postorder
 from teg.passes.lower.intrinsic import CLOSED_FORM, ExactRule
 from teg.passes.lower.means import Mean, mean_of
 from teg.program import Adaptive, Gauss, Rule
@@ -142,11 +142,10 @@ class Rules:
         """Returns whether more than MAX_NEST adaptive integrals are nested: their nodes multiply."""
         if not any(c.has_integral for c in node.children):
             return False
-        nodes = postorder([node])
-        if sum(isinstance(n, Integral) for n in nodes) <= MAX_NEST:
+        if len(nodes_of(Integral, node)) <= MAX_NEST:
             return False
         depth: dict[Node, int] = {}
-        for n in nodes:
+        for n in postorder([node]):
             most = max((depth[c] for c in n.children), default=0)
             if isinstance(n, Integral) and masses_of(n.body, n.var) is None and not self.is_exact(n, 0):
                 most += 1

@@ -26,7 +26,7 @@ from teg.analysis.surfaces import binders_inside
 from teg.errors import OptionError
 from teg.ir.expr import Add, Compare, Const, Expr, Mul, Where
 from teg.ir.integral import Integral, masses_of
-from teg.ir.node import Node, postorder
+from teg.ir.node import Node, postorder, postorder_to
 from teg.numerics.sobol import DIMENSIONS
 from teg.passes.lower.emit import Emitter
 from teg.passes.lower.levels import Level, Plan
@@ -154,7 +154,7 @@ def is_infinite(bound: Expr, value: float) -> bool:
 def deciding_integrals(roots: Iterable[Expr]) -> set[Node]:
     """Returns the integrals in conditions and bounds: a small error there is not a small error of the program."""
     found: set[Node] = set()
-    for node in reversed(postorder(roots)):
+    for node in reversed(postorder_to(roots, Integral.bit)):
         if node in found or isinstance(node, Compare):
             found.update(node.children)
         elif isinstance(node, Integral):

@@ -17,7 +17,7 @@ from collections.abc import Callable, Hashable, Sequence
 from typing import cast
 
 from teg.analysis.extents import Extents
-from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Call, Const, Expr, Mul, Pow, const
+from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Call, Const, Expr, Mul, Pow, called, const
 from teg.ir.integral import Integral
 from teg.ir.node import Node
 from teg.ir.simplify import add, call, integer_power, mul, positive, sub, where
@@ -29,6 +29,8 @@ STEEP = 16
 """The least integer power that is written by its exponent."""
 _LIMIT = const(1e300)
 """Exponents are kept below it, so that differences of infinite ones are no NaN."""
+
+_POWERS = Pow.bit | called("exp", "cosh", "sinh", "pow")
 
 Scaled = tuple[Expr, Expr]
 """w and m of w·exp(m)."""
@@ -99,7 +101,7 @@ class ByExponents:
 
     def _holds_exponents(self, e: Expr) -> bool:
         """Returns whether an exponential or a large power stands in the sums and products of an expression."""
-        return stands_in(e, lambda n: self._exponent_of(n) is not None, self._has_exponents, _terms_and_factors)
+        return e.kinds & _POWERS != 0 and stands_in(e, lambda n: self._exponent_of(n) is not None, self._has_exponents, _terms_and_factors)
 
     def _may_overflow(self, e: Expr) -> bool:
         """Returns whether some exponential or power in the sums and products of e may be huge or tiny."""

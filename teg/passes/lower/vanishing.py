@@ -14,7 +14,7 @@ from teg.analysis.calculus import slope
 from teg.analysis.extents import Extent, Extents
 from teg.analysis.limits import falls
 from teg.analysis.polynomial import Degrees
-from teg.ir.expr import ZERO, Add, Call, Const, Expr, Mul, Pow, Var, Where
+from teg.ir.expr import ZERO, Add, Call, Const, Expr, Mul, Pow, Var, Where, called
 from teg.ir.function import Apply
 from teg.ir.integral import ClosedForm, Integral, PointMasses
 from teg.ir.node import Node, postorder
@@ -31,6 +31,9 @@ BOUNDED = frozenset(("tanh", "erf", "erfc"))
 """Functions that grow no faster than a power, but whose distance from a constant may fall like a Gaussian."""
 
 
+_EXPONENTIAL, _DECIDING = called("exp"), called("exp", "log")
+
+
 class Underflow:
     """Finds Gaussians over infinite ranges that underflow where other factors overflow: exp(-x²/2)·max(exp(s·x) - K, 0)^c far away.
 
@@ -44,6 +47,8 @@ class Underflow:
 
     def of(self, e: Mul) -> Expr | None:
         """Returns the product of the Gaussians of e that vanish faster than others grow; None if there are none."""
+        if not e.kinds & _EXPONENTIAL:
+            return None
         small = {g: variables for f in e.children for g in _exponentials(f) if (variables := self._falling(g))}
         nodes = postorder(e.children) if small else []
         if not any(isinstance(n, Call) and n.name == "exp" and self._extent(n)[1] > LARGE for n in nodes):
@@ -97,7 +102,7 @@ def _may_divide(node: Node) -> bool:
 
 def _exponentials(e: Expr, depth: int = 0) -> list[Call]:
     """Returns the exponentials that are factors of an expression, also in front of what an integral integrates, down to MAX_DEPTH."""
-    if depth == MAX_DEPTH:
+    if depth == MAX_DEPTH or not e.kinds & _EXPONENTIAL:
         return []
     match e:
         case Call(name="exp"):
@@ -124,6 +129,8 @@ class Vanishing:
 
     def of(self, e: Mul) -> Expr | None:
         """Returns the product of the factors of e that may vanish faster than others grow; None if there are none."""
+        if not e.kinds & _DECIDING:
+            return None
         small = [f for f in e.children if stands_in(f, self._decays, self._fallen, formed_of)]
         others = [f for f in e.children if f not in small or len(small) > 1]
         if 0 < len(small) < len(e.children) and any(map(self._has_pole, others)):

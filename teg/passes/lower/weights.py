@@ -69,7 +69,7 @@ def relative(order: Sequence[Node], roots: Sequence[Expr]) -> set[Integral]:
 
 def has_relative_sums(outputs: Sequence[Expr]) -> bool:
     """Returns whether there are sums over data of integrals of which all digits count, as in log Σ ∫ f dx."""
-    return any(isinstance(n, Sum) for n in _counting(postorder(outputs), ()))
+    return any(e.kinds & Sum.bit for e in outputs) and any(isinstance(n, Sum) for n in _counting(postorder(outputs), ()))
 
 
 def _counting(order: Sequence[Node], roots: Sequence[Expr]) -> set[Node]:

@@ -15,7 +15,7 @@ from typing import cast
 
 from teg.analysis.polynomial import is_null
 from teg.analysis.staircase import with_floors
-from teg.ir.expr import MINUS_ONE, ONE, Add, Call, Compare, Const, Expr, Mul, Pow, Where
+from teg.ir.expr import MINUS_ONE, ONE, Add, Call, Compare, Const, Expr, Mul, Pow, Where, called, calls_of
 from teg.ir.node import Node, postorder
 from teg.ir.simplify import add, call, integer_power, mul, positive, sub, where
 from teg.ir.traverse import rebuild, rewrite
@@ -27,9 +27,9 @@ Direction = tuple[Expr, Expr, Expr]
 
 def with_lines_of_angles(root: Expr) -> Expr:
     """Returns the program without such waves. Its value is the same."""
-    order = postorder([root])
-    if not any(_is_angle(n) for n in order):
+    if not any(map(_is_angle, calls_of(called("atan2"), root))):
         return root
+    order = postorder([root])
     turned = set[Node]()  # what holds an angle
     new: dict[Node, Node] = {}
     for node in order:

@@ -73,6 +73,15 @@ class Canonical:
         self._keys = Keys()
         self._singular: set[object] = set()
 
+    def copied(self) -> Canonical:
+        """Returns the same, which meets other surfaces apart."""
+        other = Canonical()
+        other._surfaces = self._surfaces.copied()
+        other._points = other._surfaces.points
+        other._scaled, other._new, other._singular = dict(self._scaled), dict(self._new), set(self._singular)
+        other._extremes, other._keys = self._extremes, self._keys
+        return other
+
     def __call__(self, root: Expr) -> Expr:
         """Returns the program with canonical atoms and split integrals. Its value is the same."""
         new, order = self._new, postorder([rename_apart(root)])
@@ -209,7 +218,7 @@ class Canonical:
         numeric = isinstance(integral.lo, Const) and isinstance(integral.hi, Const)  # otherwise parameters in g leave nothing to decide
         changed: dict[Compare, Cond] = {}
         for atom in atoms_of(body, x):
-            if atom.g.free & inner or atom.resolution is not None or (numeric and any(isinstance(n, Param) for n in postorder([atom.g]))):
+            if atom.g.free & inner or atom.resolution is not None or (numeric and atom.g.kinds & Param.bit):
                 continue
             for bound, other in ((integral.hi, integral.lo), (integral.lo, integral.hi)):
                 if Shadow((x,)).degree(atom.g) != 1:
@@ -245,20 +254,23 @@ def _radicals_in_singular_functions(order: list[Node]) -> Iterator[Expr]:
 
 def _many_kinks(order: list[Node]) -> set[Compare]:
     """Returns the atoms that are not split, and those of all kinks in them: their kinks stay as they are."""
-    few: dict[Node, frozenset[Where]] = {}
+    few: dict[Node, frozenset[Where]] = {}  # of nodes with branches below
     none: frozenset[Where] = frozenset()
     many: set[Compare] = set()
     waiting: list[Expr] = []
     kinks = Kinks()
     for node in order:
+        if not node.kinds & Where.bit:
+            continue
         if isinstance(node, Add | Mul | Pow | Call):
-            few[node] = none.union(*(few[c] for c in node.children))
-        elif isinstance(node, Where) and node.condition.free:
-            few[node] = frozenset((node,)) | few[node.then] | few[node.otherwise]
+            few[node] = none.union(*[few.get(c, none) for c in node.children])
+        elif isinstance(node, Where):
+            own = frozenset((node,)) if node.condition.free else none
+            few[node] = own | few.get(node.then, none) | few.get(node.otherwise, none)
         else:
-            few[node] = few[node.then] | few[node.otherwise] if isinstance(node, Where) else none
+            few[node] = none
         few[node] = frozenset(islice(few[node], MAX_KINKS + 1))  # so many are many
-        if isinstance(node, Compare) and _stays_whole(few[node.g], kinks):
+        if isinstance(node, Compare) and _stays_whole(few.get(node.g, none), kinks):
             many.add(node)
             waiting.append(node.g)
     seen: set[Expr] = set()

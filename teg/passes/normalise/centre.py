@@ -27,7 +27,7 @@ from teg.ir.expr import MINUS_ONE, ONE, TRUE, ZERO, Add, Call, Compare, Cond, Co
 from teg.ir.integral import Integral, integral_over, masses_of
 from teg.ir.node import Node, postorder
 from teg.ir.simplify import add, call, conjunction, disjunction, integer_power, mul, positive, sub, where
-from teg.ir.traverse import fresh, rewrite, substitute
+from teg.ir.traverse import fresh, rewrite, rewritten, substitute
 
 MAX_CENTRES = 3
 """An integrand with more singular points is left as it is."""
@@ -43,7 +43,7 @@ def centred(root: Expr) -> Expr:
     def visit(old: Node, new: Node) -> Node:
         return _centred(new, keys) if old in sharp and isinstance(new, Integral) else new
 
-    return cast(Expr, rewrite([root], visit)[root])
+    return rewritten(root, Integral.bit, visit)
 
 
 @dataclass(frozen=True)

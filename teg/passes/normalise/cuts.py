@@ -28,10 +28,29 @@ from teg.analysis.coincidence import ZeroSet
 from teg.analysis.expanded import expanded, perfect_power
 from teg.analysis.kinks import Kinks, kinks_of
 from teg.analysis.polynomial import Shadow
-from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Call, Compare, Cond, Const, Expr, HalfAngle, Mul, Param, Pow, Var, const, has_cut
+from teg.ir.expr import (
+    MINUS_ONE,
+    ONE,
+    ZERO,
+    Add,
+    Call,
+    Compare,
+    Cond,
+    Const,
+    Expr,
+    HalfAngle,
+    Mul,
+    Param,
+    Pow,
+    Var,
+    called,
+    calls_of,
+    const,
+    has_cut,
+)
 from teg.ir.node import Node, postorder
 from teg.ir.simplify import add, call, conjunction, disjunction, div, half_angle, integer_power, mul, negation, positive, sub, where
-from teg.ir.traverse import formed_of, parameters, rebuild, rewrite, stands_in, substitute
+from teg.ir.traverse import formed_of, parameters, rebuild, rewrite, rewritten, stands_in, substitute
 from teg.passes.normalise.denominators import cleared, has_variable_denominator, tangents_as_quotients
 from teg.passes.normalise.piecewise import written_out
 from teg.passes.normalise.quotients import with_whole_branches
@@ -40,14 +59,14 @@ MAX_DEGREE = 8
 """The largest degree of polynomials that are divided."""
 LIMITED = ("atan", "exp", "expm1", "tanh", "erf", "erfc")
 """Functions with limits at both infinities, of which one is finite at least."""
+_JUMPING, _ANGLE = called("atan2", *LIMITED), called("atan2")
 
 
 def with_cuts(root: Expr) -> Expr:
     """Returns the program with jumps of functions as conditions. Its value is the same."""
-    order = postorder([root])
-    if not any(isinstance(n, Call) and n.free and (n.name == "atan2" or n.name in LIMITED) for n in order):
+    if not any(n.free for n in calls_of(_JUMPING, root)):
         return root
-    root = cast(Expr, rewrite([root], lambda _, node: _with_turns(node))[root])
+    root = rewritten(root, Compare.bit, lambda _, node: _with_turns(node))
     order = postorder([root])
     inside, outside, cuts = dict[Node, Node](), dict[Node, Node](), _Cuts()
     in_conditions = set(postorder([n for n in order if isinstance(n, Compare)]))
@@ -207,7 +226,7 @@ def _is_affine(e: Expr) -> bool:
 
 def cut_angles(e: Node) -> list[Call]:
     """Returns the angles in an expression whose cut may be met, which is no condition."""
-    return [cast(Call, n) for n in postorder([e]) if has_cut(n)]
+    return [n for n in calls_of(_ANGLE, e) if has_cut(n)]
 
 
 def _limited(e: Call, in_condition: bool) -> Expr:

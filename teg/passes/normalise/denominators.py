@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import cast
 
 from teg.ir import simplify
-from teg.ir.expr import ONE, Add, Call, Expr, Mul, Pow, Where
+from teg.ir.expr import ONE, Add, Call, Expr, Mul, Pow, Where, called, calls_of
 from teg.ir.integral import Delta, delta
 from teg.ir.node import Node, postorder
 from teg.ir.simplify import add, mul
@@ -14,7 +14,7 @@ from teg.ir.traverse import formed_of, rebuild, rewrite, stands_in
 
 def tangents_as_quotients(g: Expr) -> Expr:
     """Returns g with tan u = sin u / cos u and 1 + tan² u = 1 / cos² u: the sign of an atom also changes at the poles."""
-    if not any(isinstance(n, Call) and n.name == "tan" and n.free for n in postorder([g])):
+    if not any(n.free for n in calls_of(called("tan"), g)):
         return g
     new: dict[Node, Node] = {}
     for node in postorder([g]):
@@ -38,7 +38,7 @@ def _angle_of_secant(e: Add) -> Expr | None:
 
 def has_variable_denominator(g: Expr) -> bool:
     """Returns whether g is divided by an expression with variables in it (outside of functions)."""
-    return stands_in(g, lambda n: isinstance(n, Pow) and n.exponent < 0 and bool(n.free), {}, formed_of)
+    return g.kinds & Pow.bit != 0 and stands_in(g, lambda n: isinstance(n, Pow) and n.exponent < 0 and bool(n.free), {}, formed_of)
 
 
 def cleared(g: Expr) -> tuple[Expr, Expr]:

@@ -14,7 +14,7 @@ from typing import cast
 from teg.analysis.tails import finite_place, infinite_ends, is_unbounded
 from teg.ir.expr import MINUS_ONE, Expr, Var
 from teg.ir.integral import Delta, Integral, integral_over
-from teg.ir.node import Node, postorder
+from teg.ir.node import Node, nodes_of, postorder
 from teg.ir.simplify import mul
 from teg.ir.traverse import rewrite, substitute
 
@@ -25,13 +25,13 @@ Endless = Callable[[Expr, Sequence[Var], Collection[Var]], bool]
 def with_finite_bounds(e: Expr, endless: Endless | None = None) -> Expr:
     """Returns e with a finite interval for every infinite integral around a δ of several variables that depends on its variable. Those of
     `endless` surfaces stay."""
-    integrals = [n for n in postorder([e]) if isinstance(n, Integral)]
-    if not e.has_delta or not any(map(is_unbounded, integrals)):
+    integrals = nodes_of(Integral, e) if e.has_delta else []
+    if not any(map(is_unbounded, integrals)):
         return e
     outer = {v for n in integrals for v in n.lo.free | n.hi.free if isinstance(v, Var)}
     variables = list(dict.fromkeys(n.var for n in integrals))
     surfaces: dict[Expr, list[Var]] = {}
-    for d in (n for n in postorder([e]) if isinstance(n, Delta)):
+    for d in nodes_of(Delta, e):
         surfaces[d.g] = [v for v in variables if v in d.g.free]
     charted = {g for g, mine in surfaces.items() if len(mine) > 1 and (endless is None or not endless(g, mine, outer))}
     unbounded = {n.var for n in integrals if is_unbounded(n)}

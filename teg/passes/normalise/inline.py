@@ -26,7 +26,7 @@ from teg.analysis.intervals import Interval
 from teg.analysis.polynomial import Degrees
 from teg.analysis.sharp import numeric_range, sharp_values, tame_ones
 from teg.analysis.tails import is_unbounded
-from teg.ir.expr import Add, Call, Compare, Const, Expr, Pow, Var, const
+from teg.ir.expr import Add, Call, Compare, Const, Expr, Pow, Var, called, calls_of, const
 from teg.ir.function import Apply, Function, Slot, degrees_in, functions_of
 from teg.ir.integral import Delta, Integral, PointMasses
 from teg.ir.node import Node, postorder
@@ -76,7 +76,7 @@ def _with_plain_logarithms(e: Expr) -> Expr:
 
     Lowering computes log(1 + u) as log1p(u).
     """
-    if not any(isinstance(n, Call) and n.name == "log1p" and n.free for n in postorder([e])):
+    if not any(n.free for n in calls_of(called("log1p"), e)):
         return e
 
     def visit(old: Node, new: Node) -> Node:
@@ -94,6 +94,8 @@ def _one_more(u: Expr) -> Expr:
 
 def reasons(root: Expr) -> dict[Apply, str]:
     """Returns the applications in an expression, each with the reason why it must be written out somewhere; "" if it need not be."""
+    if not root.kinds & Apply.bit:
+        return {}
     order = postorder([root])
     why = _own_reasons(order)
     places: dict[Node, str] = {}

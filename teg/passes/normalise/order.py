@@ -8,8 +8,6 @@ size of the program. Source: Fubini's theorem.
 
 from __future__ import annotations
 
-from typing import cast
-
 from teg.analysis.calculus import slope
 from teg.analysis.polynomial import Shadow
 from teg.analysis.surfaces import atoms_of
@@ -19,14 +17,14 @@ from teg.ir.expr import Call, Const, Expr, Mul, Var
 from teg.ir.integral import Integral, integral_over
 from teg.ir.node import Node, postorder
 from teg.ir.simplify import mul
-from teg.ir.traverse import rewrite
+from teg.ir.traverse import rewritten
 
 _WAVES = ("sin", "cos")
 
 
 def with_few_roots(e: Expr) -> Expr:
     """Returns e with two neighbouring integrals exchanged where a condition with waves has a root by formula in the outer variable."""
-    return e if e.has_delta or not e.has_integral else cast(Expr, rewrite([e], _visit)[e])
+    return e if e.has_delta or not e.has_integral else rewritten(e, Integral.bit, _visit)
 
 
 def _visit(_: Node, outer: Node) -> Node:

@@ -23,7 +23,7 @@ from teg.ir.cells import Symbols
 from teg.ir.expr import Add, Call, Compare, Cond, Const, Expr, Mul, Pow, Where, const
 from teg.ir.function import Apply
 from teg.ir.integral import Integral
-from teg.ir.node import Node, postorder
+from teg.ir.node import Node, nodes_of, postorder
 from teg.ir.simplify import add, conjunction, disjunction, mul, negation, positive
 from teg.ir.traverse import replace_node, rewrite
 
@@ -63,12 +63,11 @@ def with_smooth_atoms(root: Expr) -> Expr:
     """
     kinks = Kinks()
     root = _without_decided(root, kinks)
-    order = postorder([root])
-    own = {n.condition for n in order if isinstance(n, Where) and n.condition.free and kinks.sign(n)}
-    bounds = extents(order, {}) if own else {}
+    own = {n.condition for n in nodes_of(Where, root) if n.condition.free and kinks.sign(n)}
+    bounds = extents(postorder([root]), {}) if own else {}
     chosen: dict[Node, Cond] = {}
-    for atom in order if own else ():
-        if isinstance(atom, Compare) and atom.free and atom.resolution is None and atom not in own and kinks_of(atom.g):
+    for atom in nodes_of(Compare, root) if own else ():
+        if atom.free and atom.resolution is None and atom not in own and kinks_of(atom.g):
             parts = alternatives(atom.g, kinks) if _is_a_number(atom.g, bounds) else None
             if isinstance(parts, list) and sum(map(len, parts)) <= FEW_ATOMS:
                 chosen[atom] = disjunction(*(conjunction(*(positive(_cancelled(f), atom.strict) for f in part)) for part in parts))
@@ -77,9 +76,8 @@ def with_smooth_atoms(root: Expr) -> Expr:
 
 def _without_decided(root: Expr, kinks: Kinks) -> Expr:
     """Returns the program without extremes of which bounds, as numbers, say which of both they are: minimum(maximum(x, 0), -1) is -1."""
-    order = postorder([root])
-    signs = {n: kinks.sign(n) for n in order if isinstance(n, Where) and n.condition.free}
-    bounds = extents(order, {}) if any(signs.values()) else {}
+    signs = {n: kinks.sign(n) for n in nodes_of(Where, root) if n.condition.free}
+    bounds = extents(postorder([root]), {}) if any(signs.values()) else {}
     decided: dict[Node, int] = {}
     for kink, sign in signs.items():
         if sign:

@@ -19,9 +19,9 @@ from teg.analysis.surfaces import atoms_of
 from teg.ir.arrays import Ranged
 from teg.ir.expr import FALSE, MINUS_ONE, TRUE, ZERO, And, Compare, Cond, Expr, Where
 from teg.ir.integral import Integral, integral_over
-from teg.ir.node import Node, postorder
+from teg.ir.node import Node, nodes_of
 from teg.ir.simplify import add, conjunction, mul, negation, positive, where
-from teg.ir.traverse import replace_node, rewrite
+from teg.ir.traverse import replace_node, rewrite, rewritten
 from teg.passes.normalise.piecewise import alternatives
 from teg.passes.normalise.squares import with_sizes
 from teg.passes.normalise.thresholds import without_threshold
@@ -55,7 +55,7 @@ class Region(NamedTuple):
 
 def with_regions(root: Expr) -> Expr:
     """Returns the program with such integrals as sums over regions. Its value is the same."""
-    if not any(isinstance(n, Where) and n.condition.free for n in postorder([root])):
+    if not any(n.condition.free for n in nodes_of(Where, root)):
         return root
     borders = _Borders()
 
@@ -66,7 +66,7 @@ def with_regions(root: Expr) -> Expr:
         parts = (where(conjunction(*r.conditions), r.body, ZERO) for r in regions)
         return add(*(integral_over(part, node.var, node.lo, node.hi) for part in parts)) if regions else node
 
-    return cast(Expr, rewrite([root], visit)[root])
+    return rewritten(root, Integral.bit, visit)
 
 
 class _Borders:
@@ -79,7 +79,7 @@ class _Borders:
     def regions(self, body: Expr) -> list[Region]:
         """Returns the regions of an integrand in which its surfaces have no kinks; none if it has no kinks, or they do not become
         simple."""
-        own = {n.condition for n in postorder([body]) if isinstance(n, Where) and n.condition.free and self._kinks.sign(n)}
+        own = {n.condition for n in nodes_of(Where, body) if n.condition.free and self._kinks.sign(n)}
         bent = [a.g for a in atoms_of(body) if a not in own and a.resolution is None and len(a.g.free) > 1 and kinks_of(a.g)]
         waiting = [Region((), body, tuple(bent))] if bent else []
         done: list[Region] = []
@@ -177,7 +177,7 @@ def _degree(g: Expr) -> int | None:
 
 def _has_loops(body: Expr) -> bool:
     """Returns whether an integrand has sums or choices over an index, which conditions in them may name."""
-    return any(isinstance(n, Ranged) for n in postorder([body]))
+    return body.kinds & Ranged.bit != 0
 
 
 def _parts(condition: Cond) -> tuple[Cond, ...]:

@@ -15,19 +15,19 @@ from typing import cast
 
 from teg.analysis.polynomial import Shadow
 from teg.analysis.singularities import is_singular
-from teg.ir.expr import MINUS_ONE, Add, Call, Compare, Cond, Expr, Mul, Pow, Where
-from teg.ir.node import Node, postorder
+from teg.ir.expr import MINUS_ONE, Add, Call, Compare, Cond, Expr, Mul, Pow, Where, called, calls_of
+from teg.ir.node import Node, nodes_of
 from teg.ir.simplify import call, integer_power, mul, positive, where
 from teg.ir.traverse import rewrite
 from teg.passes.normalise.canonicalise import decided, inner_condition
 
 MOST_CONDITIONS = 4
+_ROOT = called("sqrt")
 
 
 def with_squares_apart(root: Expr) -> Expr:
     """Returns the program with such roots as branches. Its value is the same."""
-    order = postorder([root])
-    if not any(is_singular(n) for n in order) or not any(isinstance(n, Where) and n.condition.free for n in order):
+    if not any(map(is_singular, nodes_of(Call, root))) or not any(n.condition.free for n in nodes_of(Where, root)):
         return root
     return cast(Expr, rewrite([root], _visited)[root])
 
@@ -48,15 +48,15 @@ def _visited(_: Node, new: Node) -> Node:
 
 def with_sizes(root: Node) -> Node:
     """Returns an expression with roots of even powers as sizes: √(u²) is |u|."""
-    if not any(map(_is_size, postorder([root]))):
+    if not any(map(_is_size, calls_of(_ROOT, root))):
         return root
     return rewrite([root], lambda _, new: _size(cast(Call, new)) if _is_size(new) else new)[root]
 
 
 def with_sizes_in_conditions(root: Expr) -> Expr:
     """Returns the program with such roots as sizes in its conditions: |u| has a kink at a surface, where √(u²) has none to be seen."""
-    atoms = [n for n in postorder([root]) if isinstance(n, Compare) and n.free]
-    roots = {n for n in postorder(atoms) if _is_size(n)}
+    atoms = [n for n in nodes_of(Compare, root) if n.free]
+    roots = {n for n in calls_of(_ROOT, *atoms) if _is_size(n)}
     if not roots:
         return root
     return cast(Expr, rewrite([root], lambda old, new: _size(cast(Call, new)) if old in roots and _is_size(new) else new)[root])

@@ -28,7 +28,7 @@ from teg.analysis.jumps import jump
 from teg.analysis.places import holding, linear_places, reached
 from teg.analysis.staircase import Box, Range, Steps, between_integers, count_steps, is_step, with_floors
 from teg.errors import NotDifferentiableError
-from teg.ir.expr import MINUS_ONE, ONE, TRUE, ZERO, Add, Call, Compare, Cond, Const, Expr, Var
+from teg.ir.expr import MINUS_ONE, ONE, TRUE, ZERO, Add, Call, Compare, Cond, Const, Expr, Var, called, calls_of
 from teg.ir.integral import Integral
 from teg.ir.node import Node, postorder
 from teg.ir.simplify import add, call, conjunction, disjunction, mul, negation, positive, uncounted_floor, where
@@ -57,7 +57,7 @@ class _TooManyError(Exception):
 def enumerate_steps(root: Expr) -> Expr:
     """Returns the program without floor, mod, round and ceil of variables, wherever their steps can be counted. Its value is the same."""
     root = with_floors(root)
-    if not any(is_step(n) for n in postorder([root])):
+    if not any(map(is_step, calls_of(called("floor"), root))):
         return root
     return _Walk(cast(Expr, rename_apart(root))).run()
 

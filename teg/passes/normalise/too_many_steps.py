@@ -13,9 +13,9 @@ from typing import cast
 
 from teg.analysis.calculus import steps_error
 from teg.analysis.staircase import is_step
-from teg.ir.expr import Call, Compare, Expr, Param, UncountedFloor, Var, Where, const
+from teg.ir.expr import Call, Compare, Expr, Param, UncountedFloor, Var, Where, called, const
 from teg.ir.integral import Integral
-from teg.ir.node import Node, postorder, union
+from teg.ir.node import Node, nodes_of, postorder, union
 from teg.ir.simplify import add, call, mul
 from teg.ir.traverse import parameters, rebuild
 
@@ -25,9 +25,9 @@ def without_uncounted(e: Expr, wrt: Sequence[Param | Var]) -> Expr:
 
     Its derivatives of any order are then NaN too.
     """
-    order = postorder([e])
-    if not any(node.free and isinstance(node, UncountedFloor) for node in order):
+    if not any(node.free for node in nodes_of(UncountedFloor, e)):
         return e
+    order = postorder([e])
     moving = frozenset(wrt)
     new: dict[Node, Node] = {}
     loose: dict[Node, frozenset[Var]] = {}  # for a node that holds such floors: their variables that are not bound below it
@@ -68,6 +68,8 @@ def _no_number(e: Expr, wrt: frozenset[Param | Var]) -> Expr:
 
 def check_steps(e: Expr, wrt: Sequence[Param | Var]) -> None:
     """Raises NotDifferentiableError for a condition that moves and holds a floor of each of its variables: no variable can be sifted."""
+    if not e.kinds & called("floor"):
+        return
     moving = frozenset(wrt)
     active: set[Node] = set()
     for node in postorder([e]):

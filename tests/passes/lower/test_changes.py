@@ -13,9 +13,10 @@ from teg.analysis.intervals import Enclosure
 from teg.ir.expr import Call, Expr, Pow, const
 from teg.ir.integral import Integral
 from teg.ir.node import postorder
-from teg.passes.lower.changes import Changes
+from teg.passes.lower.changes import Changes, curved_nodes
 
 x, y = teg.vars("x y")
+t = teg.param("t")
 BOX = (const(0.25), const(0.5))
 
 
@@ -84,3 +85,13 @@ def test_a_logarithm_beside_a_power_has_half_of_it() -> None:
     for place in (0.2500001, 0.26, 0.3, 0.5):
         size = (place - 0.25) ** 20
         assert size * abs(math.log(place - 0.25)) <= bound(body, node, size) < 1e-4 * math.sqrt(size)
+
+
+def test_nodes_in_powers_and_functions_are_curved() -> None:
+    """A body may be linear in others: factors, terms, branches, what a condition or a floor holds."""
+    u, v, w, c = teg.exp(x), teg.sin(x), teg.cosh(x), teg.exp(-x)
+    body = u * t + teg.exp(v + t) ** 2 + teg.where(c < t, w, x) + teg.floor(teg.tanh(x))
+    curved = curved_nodes([body])
+    assert {v, v + t, teg.exp(v + t)} <= curved
+    assert curved.isdisjoint({u, w, c, body, u * t, teg.tanh(x)})
+    assert teg.tanh(x) in curved_nodes([body, teg.sqrt(teg.tanh(x))])
