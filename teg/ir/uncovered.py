@@ -19,6 +19,8 @@ from teg.ir.node import Node, nodes_of, union
 
 TURN = Param.make(f"{APART}turn cos", ()), Param.make(f"{APART}turn sin", ())
 """The cosine and the sine of the angle around which a quarter of an ellipse lies, in integrals along it: there is one for each quarter."""
+HALF = Param.make(f"{APART}half", ())
+"""0 on that half of a circle that is near, 1 on the other one."""
 VELOCITIES = Param.make(f"{APART}left moves", ()), Param.make(f"{APART}right moves", ())
 """The velocities of the ends of a gap."""
 

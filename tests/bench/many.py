@@ -18,6 +18,10 @@ from tests.bench.rows import Row, empty_cache
 from tests.bench.scenes import cut_cells
 from tests.examples.clipped_scenes import clipped_pixel, clipped_share, over_lens, over_time
 from tests.references.disks import slopes_of_layers, slopes_of_union
+from tests.references.ellipses import random_ellipses
+from tests.references.ellipses import slopes_of_union as slopes_of_ellipses
+from tests.references.weighted_sites import random_sites
+from tests.references.weighted_sites import slopes as slopes_of_sites
 
 SAMPLE = 12
 
@@ -29,7 +33,7 @@ def many_rows() -> list[Row]:
         mesh = occlusion.Scene(512, 10_000, "c")
         rows = [mesh_row(mesh), mesh_row(occlusion.Scene(1024, 100_000, "c"), mesh.evaluator)]
         rows += [shadow_row(64, 1000), transport_row(1000), cells_row(32)]
-        rows += [union_row(300), painting_row(60), disks_row(64, 60)]
+        rows += [union_row(300), ellipses_row(300), painting_row(60), sites_row(40), disks_row(64, 60)]
         return [*rows, blur_row("motion-blur", 64), blur_row("depth-of-field", 32)]
 
 
@@ -156,6 +160,35 @@ def painting_row(disks: int) -> Row:
     name = f"painting of {disks} disks"
     direction = {"D": rng.normal(size=rows.shape)}
     return row(name, disks**2, evaluator, {"D": rows}, lambda: float(np.abs(evaluator.grad(D=rows)["D"][:, :3] - exact).max()), direction)
+
+
+def ellipses_row(ellipses: int) -> Row:
+    """The area of a union of ellipses, each given by its matrix; the error is that of its derivatives, beside arcs."""
+    D, k = teg.array("D", 2), teg.index("k")
+    x, y = teg.vars("x y")
+    u, v = x - D[k, 0], y - D[k, 1]
+    inside = D[k, 2] * u**2 + D[k, 3] * u * v + D[k, 4] * v**2 < 1
+    area = teg.integral(teg.bracket(teg.any(inside, (k, 0, teg.length(D, 0)))), (x, 0, 1), (y, 0, 1))
+    evaluator = teg.compile(area, [D], backend="c")
+    given = {"D": random_ellipses(ellipses, 1) * [1.0, 1.0, *[ellipses / 10] * 3]}
+    exact = slopes_of_ellipses(given["D"], lambda u, v: 1 + 0 * u)
+    direction = {"D": np.random.default_rng(1).normal(size=(ellipses, 5)) * [1.0, 1.0, *[ellipses] * 3]}
+    name = f"union of {ellipses} ellipses by their matrices"
+    return row(name, ellipses**2, evaluator, given, lambda: float(np.abs(evaluator.grad(given)["D"] - exact).max()), direction)
+
+
+def sites_row(sites: int) -> Row:
+    """The mean value of the site of least w·|z - c|², whose borders are circles; the error is that of the derivatives, beside arcs."""
+    D, k = teg.array("D", 2), teg.index("k")
+    x, y = teg.vars("x y")
+    key = D[k, 2] * ((x - D[k, 0]) ** 2 + (y - D[k, 1]) ** 2)
+    mean = teg.integral(teg.nearest(D[k, 3], key, (k, 0, teg.length(D, 0))), (x, 0, 1), (y, 0, 1))
+    evaluator = teg.compile(mean, [D], backend="c")
+    rows = random_sites(sites, 1)
+    exact = slopes_of_sites(rows)[:, :3]
+    direction = {"D": np.random.default_rng(1).normal(size=rows.shape)}
+    name = f"{sites} sites with weights"
+    return row(name, sites**2, evaluator, {"D": rows}, lambda: float(np.abs(evaluator.grad(D=rows)["D"][:, :3] - exact).max()), direction)
 
 
 def disks_row(size: int, disks: int) -> Row:

@@ -280,8 +280,8 @@ IN_PASSES: tuple[Mutant, ...] = (
     *mutants(
         "teg/passes/eliminate/circle.py",
         ("tests/passes/eliminate/test_circle.py",),
-        ("the far half of a circle", "where(is_small, frame.part(coefficient, far), ZERO)", "ZERO"),
-        ("the distance to the far half", "(sub(rise, far), sub(integer_power(far, 2), square))", "(sub(rise, far), square)"),
+        ("the far half of a circle", "disjunction(is_small, positive(", "disjunction(positive("),
+        ("the distance to the far half", "sub(square, mul(HALF, sub(mul(const(2.0), square), integer_power(far, 2))))", "square"),
         ("borders of others along a circle", "mul(lead, self.square))", "ZERO)"),
     ),
     *mutants(

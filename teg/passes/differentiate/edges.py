@@ -45,7 +45,7 @@ from teg.ir.operands import as_number, less
 from teg.ir.simplify import add, bracket, call, conjunction, disjunction, integer_power, mul, negation, positive, sub, where
 from teg.ir.still import with_still_parameters
 from teg.ir.traverse import fresh, rewrite_below, substitute
-from teg.ir.uncovered import TURN, Uncovered, marks_of
+from teg.ir.uncovered import HALF, TURN, Uncovered, marks_of
 from teg.passes.differentiate.gaps import Around, over_gaps, placed
 from teg.passes.normalise.partitions import Refused
 
@@ -247,7 +247,15 @@ def _slope(g: Expr, x: Var) -> Expr:
 
 def with_gaps(e: Expr, derive: Derive) -> Expr:
     """Returns an expression without δ in which sums over gaps stand for what may be covered. Raises Refused."""
-    if not marks_of(e) and TURN[0] not in nodes_of(Param, e):
+    whole = _with_gaps(e, derive)
+    if {TURN[0], HALF}.isdisjoint(nodes_of(Param, whole)):
+        return whole
+    return _over_parts(_over_parts(whole, TURN, _sum_of_quarters), (HALF,), _sum_of_halves)
+
+
+def _with_gaps(e: Expr, derive: Derive) -> Expr:
+    """Returns the same for one part of each curve."""
+    if not marks_of(e):
         return e
 
     def replacement(node: Node) -> Node | None:
@@ -262,14 +270,14 @@ def with_gaps(e: Expr, derive: Derive) -> Expr:
             return _at_point(node)
         return None
 
-    return _over_quarters(cast(Expr, rewrite_below([e], replacement)[e]))
+    return cast(Expr, rewrite_below([e], replacement)[e])
 
 
-def _over_quarters(e: Expr) -> Expr:
-    """Returns an expression in which a sum over the quarters of an ellipse stands for what was derived for one of them."""
+def _over_parts(e: Expr, part: Sequence[Param], total: Callable[[Expr], Expr]) -> Expr:
+    """Returns an expression in which the total over the parts of a curve stands for what was derived for one `part` of them."""
     turning: set[Node] = set()
     for node in postorder([e]):
-        if node in TURN or any(c in turning for c in node.children):
+        if node in part or any(c in turning for c in node.children):
             turning.add(node)
 
     def replacement(node: Node) -> Node | None:
@@ -277,7 +285,7 @@ def _over_quarters(e: Expr) -> Expr:
         above = (
             isinstance(node, Add) or (isinstance(node, Mul) and moving == 1) or (isinstance(node, Where) and node.condition not in turning)
         )
-        return None if above and moving else _sum_of_quarters(cast(Expr, node)) if node in turning else node
+        return None if above and moving else total(cast(Expr, node)) if node in turning else node
 
     return cast(Expr, rewrite_below([e], replacement)[e])
 
@@ -291,6 +299,12 @@ def _sum_of_quarters(e: Expr) -> Expr:
     return sum_over(turned, quarter, index_const(0), index_const(4))
 
 
+def _sum_of_halves(e: Expr) -> Expr:
+    half = IndexVar.make(f"{APART}half", ())
+    (there,) = replaced([e], {HALF: as_number(half)})
+    return sum_over(there, half, index_const(0), index_const(2))
+
+
 def _of_branches(node: Where, derive: Derive) -> Expr:
     """Returns a choice between charts, no number where the one that is taken cannot be followed: that of an ellipse which is a strip, or a
     million times as large as the box. Raises Refused if none can be, or if there is no other chart: what stands beside has no edge."""
@@ -298,7 +312,7 @@ def _of_branches(node: Where, derive: Derive) -> Expr:
     branches: list[Expr] = []
     for branch in (node.then, node.otherwise):
         try:
-            branches.append(with_gaps(branch, derive))
+            branches.append(_with_gaps(branch, derive))
         except Refused as reason:
             refused.append(reason)
             branches.append(const(math.nan))
@@ -338,7 +352,7 @@ def _covering(mark: Apply) -> Around:
 def _of_nest(node: Integral, inner: Sequence[Integral], derive: Derive) -> Expr:
     """Returns an integral over integrals of what may be covered."""
     (rest,) = replaced([node.body], dict.fromkeys(inner, ZERO))
-    terms = [with_gaps(integral_over(rest, node.var, node.lo, node.hi), derive)]  # a side of the box may stand in it
+    terms = [_with_gaps(integral_over(rest, node.var, node.lo, node.hi), derive)]  # a side of the box may stand in it
     for part in inner:
         marks = list(dict.fromkeys(marks_of(part.body)))
         (unmarked,) = replaced([part.body], dict.fromkeys(marks, ZERO))

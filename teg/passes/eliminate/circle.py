@@ -28,9 +28,9 @@ from teg.ir.expr import MINUS_ONE, ONE, ZERO, Compare, Cond, Const, Expr, Var, c
 from teg.ir.function import Apply, Slot
 from teg.ir.integral import integral_over
 from teg.ir.node import Node
-from teg.ir.simplify import add, call, div, integer_power, mul, positive, sub, where
+from teg.ir.simplify import add, call, conjunction, disjunction, div, integer_power, mul, positive, sub, where
 from teg.ir.traverse import fresh, substitute
-from teg.ir.uncovered import marks_of
+from teg.ir.uncovered import HALF, marks_of
 from teg.passes.eliminate.conic import born
 from teg.passes.eliminate.matrix import written_form
 
@@ -75,7 +75,7 @@ def square_of(g: Expr, variables: tuple[Var, Var]) -> Expr | None:
 
 
 def rewrite_circle(g: Expr, coefficient: Expr, chain: Chain, data: Circle) -> Expr | None:
-    """Returns ∫∫ coefficient·δ(g) as integrals over two parts of the circle."""
+    """Returns ∫∫ coefficient·δ(g) as one integral for both halves of the circle, which `HALF` tells apart."""
     parts = divided(chain, data.variables)
     if parts is None:
         return None
@@ -97,8 +97,8 @@ def rewrite_circle(g: Expr, coefficient: Expr, chain: Chain, data: Circle) -> Ex
     near = add(middle[0], mul(away, across[0])), add(middle[1], mul(away, across[1]))
     frame = _Frame(g, (mine[0], mine[1]), near, across, length, reach, mul(bend, reach))
     far = where(is_small, div(ONE, where(is_small, bend, ONE)), ZERO)
-    halves = add(frame.part(coefficient, None), where(is_small, frame.part(coefficient, far), ZERO))
-    return nest(where(place.exists, halves, ZERO), others)
+    there = disjunction(is_small, positive(sub(const(0.5), HALF)))
+    return nest(where(conjunction(place.exists, there), frame.half(coefficient, far), ZERO), others)
 
 
 @dataclass(frozen=True)
@@ -114,8 +114,8 @@ class _Frame:
     reach: Expr
     bend: Expr
 
-    def part(self, coefficient: Expr, far: Expr | None) -> Expr:
-        """Returns the integral over the half that is near, or over that which is `far` away along the direction across."""
+    def half(self, coefficient: Expr, far: Expr) -> Expr:
+        """Returns the integral over the half that `HALF` says; the other one is `far` away along the direction across."""
         u, v = (b.var for b in self.binders)
         taken = coefficient.free | self.g.free | {u, v}
         a, b, w, t = (fresh(name, taken) for name in ("along", "across", "square", "s"))
@@ -127,13 +127,14 @@ class _Frame:
             value = signed_inside(step, lo, hi, self.g, binder, value)
         z = integer_power(add(ONE, mul(integer_power(self.bend, 2), integer_power(t, 2))), -1)
         rise, square = mul(self.reach, self.bend, integer_power(t, 2), z), mul(integer_power(mul(self.reach, t), 2), z)
-        place = (mul(MINUS_ONE, rise), square) if far is None else (sub(rise, far), sub(integer_power(far, 2), square))
+        down = mul(sub(mul(const(2.0), HALF), ONE), rise)
+        further = sub(square, mul(HALF, sub(mul(const(2.0), square), integer_power(far, 2))))
 
         def algebraic(old: Compare, new: Expr, resolution: Cond | None) -> Cond:
             polynomial = without_denominator(new, t)
             return positive(new if polynomial is None else polynomial, old.strict, resolution, old.rivals)
 
-        on_circle = dict(zip((a, b, w), (mul(self.reach, t, z), *place), strict=True))
+        on_circle = dict(zip((a, b, w), (mul(self.reach, t, z), sub(down, mul(HALF, far)), further), strict=True))
         body = cast(Expr, substitute(mul(div(self.reach, self.length), value), on_circle, algebraic))
         return integral_over(mul(z, body), t, MINUS_ONE, ONE)
 

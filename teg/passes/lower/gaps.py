@@ -139,8 +139,10 @@ class _Line:
             found += roots
             if velocities:
                 moving += [out.number(velocities[g], Level(place, top, 1, names={place: p}, block=top.block)) for p in roots]
-        places = [_inside(out, top, p, self.first, self.last) for p in found]
-        if moving:
+        between = [_is_inside(out, top, p, self.first, self.last) for p in found]
+        places: list[Arg] = [out.assign(top, "select", inside, p, math.inf) for p, inside in zip(found, between, strict=True)]
+        if moving:  # 0 for most borders, which do not cross the line: backends may branch there
+            moving = [out.assign(top, "select", inside, v, 0.0) for v, inside in zip(moving, between, strict=True)]
             places, moving = _ascending_with(out, top, places, moving)
         else:
             places = _ascending(out, top, places)
@@ -206,11 +208,11 @@ def _applies(covered: Expr, atoms: Sequence[Compare], out: Emitter, top: Level) 
     return holds if isinstance(holds, str) else None
 
 
-def _inside(out: Emitter, top: Level, p: Arg, first: Arg, last: Arg) -> Arg:
-    """Returns a place, +inf if it does not lie between the ends."""
+def _is_inside(out: Emitter, top: Level, p: Arg, first: Arg, last: Arg) -> str:
+    """Returns whether a place lies between the ends."""
     after = out.assign(top, "gt0", out.assign(top, "sub", p, first))
     before = out.assign(top, "gt0", out.assign(top, "sub", last, p))
-    return out.assign(top, "select", out.assign(top, "and", after, before), p, math.inf)
+    return out.assign(top, "and", after, before)
 
 
 def _ascending(out: Emitter, top: Level, places: list[Arg]) -> list[Arg]:
