@@ -149,8 +149,10 @@ class Task:
         return bool(self.edges)
 
     def computed(self, e: Expr) -> Expr:
-        """Returns an expression in which integrals over what candidates do not cover are computed along their edges."""
-        return replaced([e], dict(self.edges))[0] if self.edges else e
+        """Returns an expression in which integrals over what candidates do not cover are computed along their edges, whether or not it
+        still holds parameters of these still."""
+        known = {form: along for n, along in self.edges for form in (n, released(cast(Expr, n)))}
+        return replaced([e], known)[0] if known else e
 
     @property
     def elimination(self) -> Elimination:
