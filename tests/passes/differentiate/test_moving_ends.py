@@ -220,3 +220,14 @@ def test_conditions_that_do_not_move() -> None:
     many = np.full((300, 3), 0.4)
     with pytest.raises(teg.errors.ArrayIndexError):  # so many cannot be written out
         f.hvp({"D": many}, {"D": many})
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_the_square_of_an_integral_of_nearest_sites(backend: str) -> None:
+    """Two sites with weights p and q on a line: the border between them is at (√p·a + √q·b)/(√p + √q), the other one left of 0."""
+    f = teg.compile(teg.integral(teg.nearest(D[k, 2], D[k, 1] * (x - D[k, 0]) ** 2, ALL), (x, 0, 1)) ** 2, [D], backend=backend)
+    assert follows_twice(f)
+    rows, moved = np.array([[0.2, 4.0, 2.0], [0.6, 1.0, 5.0]]), np.array([[1.0, 0.0, 0.0], [-0.5, 0.0, 0.0]])
+    parts = np.array([2.0, 1.0]) / 3.0
+    by_places = (2.0 - 5.0) * parts
+    assert f.hvp({"D": rows}, {"D": moved})["D"][:, 0] == pytest.approx(2 * by_places * (by_places @ moved[:, 0]))
