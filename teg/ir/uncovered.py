@@ -21,6 +21,9 @@ TURN = Param.make(f"{APART}turn cos", ()), Param.make(f"{APART}turn sin", ())
 """The cosine and the sine of the angle around which a quarter of an ellipse lies, in integrals along it: there is one for each quarter."""
 HALF = Param.make(f"{APART}half", ())
 """0 on that half of a circle that is near, 1 on the other one."""
+ARC = Param.make(f"{APART}arc", ())
+"""Which arc of a conic is followed, from 0 to 7: four of the one branch, then those of the other one."""
+ARCS = 8
 VELOCITIES = Param.make(f"{APART}left moves", ()), Param.make(f"{APART}right moves", ())
 """The velocities of the ends of a gap."""
 

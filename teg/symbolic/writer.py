@@ -146,6 +146,8 @@ class Writer:
                 return self.make(sympy.Pow, *parts, sympy.S.Half)
             case "root":
                 return self.make(sympy.Pow, self.make(sympy.Abs, *parts), sympy.S.Half)
+            case "chosen":
+                return parts[0]
             case "magnitude":
                 return self.make(sympy.Abs, *parts)
             case "expm1":
@@ -265,6 +267,7 @@ _FINITE = frozenset(
         "root",
         "min",
         "max",
+        "chosen",
     )
 )
 

@@ -45,7 +45,7 @@ from teg.ir.operands import as_number, less
 from teg.ir.simplify import add, bracket, call, conjunction, disjunction, integer_power, mul, negation, positive, sub, where
 from teg.ir.still import with_still_parameters
 from teg.ir.traverse import fresh, rewrite_below, substitute
-from teg.ir.uncovered import HALF, TURN, Uncovered, marks_of
+from teg.ir.uncovered import ARC, ARCS, HALF, TURN, Uncovered, marks_of
 from teg.passes.differentiate.gaps import Around, over_gaps, placed
 from teg.passes.normalise.partitions import Refused
 
@@ -248,9 +248,11 @@ def _slope(g: Expr, x: Var) -> Expr:
 def with_gaps(e: Expr, derive: Derive) -> Expr:
     """Returns an expression without δ in which sums over gaps stand for what may be covered. Raises Refused."""
     whole = _with_gaps(e, derive)
-    if {TURN[0], HALF}.isdisjoint(nodes_of(Param, whole)):
+    if {TURN[0], HALF, ARC}.isdisjoint(nodes_of(Param, whole)):
         return whole
-    return _over_parts(_over_parts(whole, TURN, _sum_of_quarters), (HALF,), _sum_of_halves)
+    for part, total in ((TURN, _sum_of_quarters), ((HALF,), _sum_of_halves), ((ARC,), _sum_of_arcs)):
+        whole = _over_parts(whole, part, total)
+    return whole
 
 
 def _with_gaps(e: Expr, derive: Derive) -> Expr:
@@ -303,6 +305,12 @@ def _sum_of_halves(e: Expr) -> Expr:
     half = IndexVar.make(f"{APART}half", ())
     (there,) = replaced([e], {HALF: as_number(half)})
     return sum_over(there, half, index_const(0), index_const(2))
+
+
+def _sum_of_arcs(e: Expr) -> Expr:
+    arc = IndexVar.make(f"{APART}arc", ())
+    (there,) = replaced([e], {ARC: as_number(arc)})
+    return sum_over(there, arc, index_const(0), index_const(ARCS))
 
 
 def _of_branches(node: Where, derive: Derive) -> Expr:

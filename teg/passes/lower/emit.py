@@ -161,6 +161,8 @@ class Emitter:
                 return self.assign(home, "call", k, *(self._number_of(c, home) for c in e.children))
             case ClosedForm():
                 return self.closed_form(e, home)
+            case Call() if e.name == "chosen":
+                return self._number_of(e.children[0], home)
             case Call() if e.name in ("erfinv", "erfcinv"):
                 u = e.children[0]
                 return self.number(inverse_of_erf(u) if e.name == "erfinv" else inverse_of_erfc(u), home)

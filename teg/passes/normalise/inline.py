@@ -53,6 +53,7 @@ _SINGULAR = frozenset(
         "magnitude",
         "min",
         "max",
+        "chosen",
     )
 )
 

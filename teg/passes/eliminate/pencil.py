@@ -1,0 +1,294 @@
+"""Conics whose coefficients are data, by the lines through one of their points: ellipses, parabolas, hyperbolas and pairs of lines.
+
+    g = G·v + a·u² + 2b·u·v + c·v²      about a point P of the curve: u along it, v across it, G the length of the gradient
+    u = w·ν/D,  v = -h·w²/D,  D = ν² - 2β·w·ν + hγ·w²,   h, β, γ = a/G, b/G, c/G        the line of slope -h·w/ν meets it again there
+
+    ∫∫ f δ(g)  =  ∫ f(P + (u, v))·|ν dw - w dν|/(G·|D|)
+
+Near P, w is the length along the curve. Far from it the slope ω = h·w tells places: of two lines (h = 0) the second one. So there are four
+arcs, |w| < r, |h|r < ±ω < K, and |ν/ω| < 1/K. A hyperbola has two branches, on which D > 0 and D < 0. On an arc of a branch σ, conditions p
+of degree n are polynomials p·(σD)ⁿ of degree 2n in s. The box, which lies between lines, excludes D = 0.
+
+P is where the curve meets a side of the box, or else a line through the middle of an ellipse: where it crosses best. Coordinates are those
+in which the box is the square from -1 to 1. Cost: one integral, over a range of eight arcs. Source: rational parametrisation of conics by
+the pencil of lines through a point (Semple and Kneebone, Algebraic Projective Geometry, 1952, chapter 5).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple, cast
+
+from teg.analysis.calculus import slope
+from teg.analysis.half_angle import MAX_DEGREE, cleared
+from teg.analysis.nest import Binder, Chain, divided, nest
+from teg.analysis.polynomial import Shadow
+from teg.analysis.surfaces import restrict, signed_inside
+from teg.errors import NotDifferentiableError
+from teg.ir.expr import MINUS_ONE, ONE, ZERO, Compare, Cond, Expr, Var, const
+from teg.ir.integral import integral_over
+from teg.ir.simplify import add, call, conjunction, disjunction, div, integer_power, mul, negation, positive, sub, where
+from teg.ir.still import with_still_parameters
+from teg.ir.traverse import fresh, substitute
+from teg.ir.uncovered import ARC
+from teg.passes.eliminate.marks import with_conditions_at
+
+REACH = 2.0 * math.sqrt(2.0)
+"""How far w goes where the curve is larger than the box: two points of it are at most that apart."""
+DEFINITE = 1e-12
+"""The least hγ - β², relative to the squares of all three, of a curve that has one branch only."""
+OUTSIDE = 1.0 / 64.0
+"""How far outside of a side of the box P may be, so that none is missed in a corner."""
+FAVOURS = 1.0, 0.93, 0.87, 0.81, 0.76
+"""Factors of the discriminants along lines that are compared: in symmetric scenes rounding would choose."""
+HALF, TWO = const(0.5), const(2.0)
+Vector = tuple[Expr, Expr]
+
+
+@dataclass(frozen=True)
+class Pencil:
+    """g is of degree 2 in `variables` (outermost first), with coefficients that depend on parameters only."""
+
+    variables: tuple[Var, Var]
+
+    moves = True
+    name = "a conic, by the lines through one of its points"
+
+
+def match_pencil(g: Expr, variables: Sequence[Var]) -> Pencil | None:
+    """Returns both variables if g depends on two and is of degree 2 in them, else None."""
+    mine = [v for v in variables if v in g.free]
+    if len(mine) != 2 or Shadow(tuple(mine)).degree(g) != 2:
+        return None
+    try:
+        entries = [slope(slope(g, v), w) for v in mine for w in mine]
+    except NotDifferentiableError:
+        return None
+    return None if any(e.free for e in entries) else Pencil((mine[1], mine[0]))
+
+
+def rewrite_pencil(g: Expr, coefficient: Expr, chain: Chain, data: Pencil) -> Expr | None:
+    """Returns ∫∫ coefficient·δ(g) as one integral for all arcs of the curve, which `ARC` tells apart."""
+    parts = divided(chain, data.variables)
+    if parts is None:
+        return None
+    mine, others, boxes = parts
+    form = _Form.of(g, boxes)
+    near = _Point.on(form)
+    frame = _Frame.at(form, near)
+    curve = _Curve(g, (mine[0], mine[1]), form, near, frame)
+    there = conjunction(near.exists, frame.has_arc)
+    return nest(where(there, curve.along(coefficient), ZERO), others)
+
+
+class _Form(NamedTuple):
+    """level + slopes·z + zᵀMz in the coordinates z = (place - middle)/half of both variables; M by (00, 01, 11)."""
+
+    middle: Vector
+    half: Vector
+    level: Expr
+    slopes: Vector
+    entries: tuple[Expr, Expr, Expr]
+
+    @classmethod
+    def of(cls, g: Expr, boxes: Sequence[Binder]) -> _Form:
+        """Returns that of g on a box."""
+        (u, v) = (b.var for b in boxes)
+        m, n = (mul(HALF, add(b.lo, b.hi)) for b in boxes)
+        p, q = (mul(HALF, sub(b.hi, b.lo)) for b in boxes)
+        at = {u: m, v: n}
+        level, by_u, by_v = (cast(Expr, substitute(e, at)) for e in (g, slope(g, u), slope(g, v)))
+        entries = (mul(HALF, p, p, slope(slope(g, u), u)), mul(HALF, p, q, slope(slope(g, u), v)), mul(HALF, q, q, slope(slope(g, v), v)))
+        return cls((m, n), (p, q), level, (mul(p, by_u), mul(q, by_v)), entries)
+
+    def line(self, across: bool, place: Expr) -> tuple[Expr, Expr, Expr]:
+        """Returns the coefficients, the highest power first, along a line on which the first (`across`) or second coordinate is fixed."""
+        a, b, c = self.entries
+        (s, r), (a, c) = (self.slopes, (a, c)) if across else (self.slopes[::-1], (c, a))
+        return c, add(r, mul(TWO, b, place)), add(self.level, mul(s, place), mul(a, place, place))
+
+
+class _Point(NamedTuple):
+    """A point of a curve in the box, and whether there is one."""
+
+    place: Vector
+    exists: Cond
+
+    @classmethod
+    def on(cls, form: _Form) -> _Point:
+        """Returns the one where a line crosses the curve best, of the sides of the box and one line through the middle of an ellipse."""
+        a, b, c = form.entries
+        whole = sub(mul(a, c), mul(b, b))
+        s, r = form.slopes
+        centre = div(sub(mul(b, s), mul(a, r)), where(positive(whole), mul(TWO, whole), ONE))
+        across_centre = call("max", MINUS_ONE, call("min", centre, ONE))
+        lines = (True, MINUS_ONE), (True, ONE), (False, MINUS_ONE), (False, ONE), (False, across_centre)
+        best, is_upright, fixed = const(-1.0), ZERO, ZERO
+        for favour, (across, place) in zip(FAVOURS, lines, strict=True):
+            roots = _Roots.of(form.line(across, place))
+            quality = where(disjunction(*map(_is_inside, roots.places)), mul(const(favour), roots.square), const(-1.0))
+            better = positive(sub(quality, best))
+            best, fixed = call("max", quality, best), where(better, place, fixed)
+            is_upright = where(better, ONE if across else ZERO, is_upright)
+        upright, fixed = positive(sub(is_upright, HALF)), call("chosen", with_still_parameters(fixed))
+        columns = zip(form.line(True, fixed), form.line(False, fixed), strict=True)
+        places = _Roots.of([where(upright, p, q) for p, q in columns]).places
+        low, high = call("min", *places), call("max", *places)
+        root = call("chosen", where(_is_inside(low), low, high))
+        return cls((where(upright, fixed, root), where(upright, root, fixed)), positive(best))
+
+
+class _Roots(NamedTuple):
+    """Both roots of a polynomial of degree 2, if its discriminant `square` is not below 0."""
+
+    square: Expr
+    places: Vector
+
+    @classmethod
+    def of(cls, coefficients: Sequence[Expr]) -> _Roots:
+        """Returns those of the coefficients by powers, the highest first: the larger root by a sum, the other one by their product."""
+        a, b, c = coefficients
+        square = sub(mul(b, b), mul(const(4.0), a, c))
+        root = call("sqrt", call("max", square, ZERO))
+        larger = mul(const(-0.5), add(b, where(positive(b), root, mul(MINUS_ONE, root))))
+        return cls(square, (div(larger, a), div(c, larger)))
+
+
+def _is_inside(place: Expr) -> Cond:
+    return positive(sub(const(1.0 + OUTSIDE), call("magnitude", place)))
+
+
+_IS_OTHER = positive(sub(ARC, const(3.5)))
+_SIGN = where(_IS_OTHER, MINUS_ONE, ONE)
+_KIND = sub(ARC, where(_IS_OTHER, const(4.0), ZERO))
+
+
+class _Frame(NamedTuple):
+    """The curve about its point: the direction across it, G and h, β, γ, how far the arcs go, and whether it has the arc of `ARC`.
+
+    `skew` is β on an ellipse that is not much larger than the box, else 0. There the lines are told by ν - β·w, so D is a sum of squares.
+    """
+
+    across: Vector
+    length: Expr
+    h: Expr
+    beta: Expr
+    gamma: Expr
+    skew: Expr
+    reach: Expr
+    turn: Expr
+    has_arc: Cond
+
+    @classmethod
+    def at(cls, form: _Form, near: _Point) -> _Frame:
+        """Returns that of a form."""
+        (a, b, c), (p, q), (s, r) = form.entries, near.place, form.slopes
+        m, n = add(s, mul(TWO, add(mul(a, p), mul(b, q)))), add(r, mul(TWO, add(mul(b, p), mul(c, q))))
+        length = call("chosen", call("sqrt", add(mul(m, m), mul(n, n))))
+        m, n = (call("chosen", div(e, length)) for e in (m, n))
+        bent = add(mul(a, n, n), mul(const(-2.0), b, m, n), mul(c, m, m))
+        mixed = add(mul(sub(a, c), m, n), mul(b, sub(mul(n, n), mul(m, m))))
+        other = add(mul(a, m, m), mul(TWO, b, m, n), mul(c, n, n))
+        h, beta, gamma = (call("chosen", div(e, length)) for e in (bent, mixed, other))
+        inverse = sub(mul(h, gamma), mul(beta, beta))
+        is_small = positive(sub(inverse, const(REACH**-2)))
+        reach = call("chosen", where(is_small, integer_power(call("sqrt", where(is_small, inverse, ONE)), -1), const(REACH)))
+        steep = mul(call("magnitude", h), reach)
+        turn = call("chosen", where(is_small, steep, call("max", ONE, steep)))
+        has_between = conjunction(negation(is_small), positive(sub(turn, steep)))
+        is_between = conjunction(positive(sub(_KIND, HALF)), positive(sub(const(2.5), _KIND)))
+        several = positive(sub(mul(const(DEFINITE), add(mul(h, h), mul(beta, beta), mul(gamma, gamma))), inverse))
+        first = where(positive(sub(HALF, _KIND)), ONE, h)  # D has its sign on an ellipse
+        has_arc = conjunction(
+            disjunction(several, positive(mul(_SIGN, first), strict=False)), disjunction(negation(is_between), has_between)
+        )
+        return cls((m, n), length, h, beta, gamma, call("chosen", where(is_small, beta, ZERO)), reach, turn, has_arc)
+
+
+class _Steps(NamedTuple):
+    """Along the curve, by s in (-1, 1): U, V and D of the place P + (U, V)/D, and the constant ν dw - w dν."""
+
+    along: Expr
+    over: Expr
+    whole: Expr
+    rate: Expr
+
+    @classmethod
+    def of(cls, frame: _Frame, s: Expr) -> _Steps:
+        """Returns those of the arc `ARC`."""
+        is_near, is_far = positive(sub(HALF, _KIND)), positive(sub(_KIND, const(2.5)))
+        side = where(positive(sub(const(1.5), _KIND)), ONE, MINUS_ONE)
+        steep = mul(call("magnitude", frame.h), frame.reach)
+        rate = where(is_near, frame.reach, where(is_far, frame.turn, mul(HALF, sub(frame.turn, steep))))
+        start = where(is_near, ZERO, where(is_far, frame.turn, mul(HALF, side, add(frame.turn, steep))))
+        far = call("max", ZERO, sub(_KIND, TWO))  # 1 or 0; a choice would be one between functions of s
+        w = add(start, mul(sub(ONE, far), where(is_near, rate, mul(side, rate)), s))
+        turned = where(is_near, ONE, where(positive(frame.h), ONE, MINUS_ONE))  # far away w is h·w: |h|·reach on an ellipse
+        skew = where(is_near, frame.skew, div(mul(turned, frame.skew, frame.reach), frame.turn))
+        n = add(sub(ONE, far), mul(far, s), mul(skew, w))
+        by_w, by_n = where(is_near, frame.h, ONE), where(is_near, ONE, frame.h)
+        square = integer_power(w, 2)
+        whole = add(mul(by_n, integer_power(n, 2)), mul(const(-2.0), frame.beta, w, n), mul(by_w, frame.gamma, square))
+        return cls(mul(w, n), mul(MINUS_ONE, by_w, square), whole, rate)
+
+
+@dataclass(frozen=True)
+class _Curve:
+    """A conic g = 0 in the integrals `binders`."""
+
+    g: Expr
+    binders: tuple[Binder, Binder]
+    form: _Form
+    near: _Point
+    frame: _Frame
+
+    def along(self, coefficient: Expr) -> Expr:
+        """Returns ∫∫ coefficient·δ(g) over the arc `ARC`."""
+        variables = u, v = self.binders[0].var, self.binders[1].var
+        taken = coefficient.free | self.g.free | {u, v}
+        along, over, s = (fresh(name, taken) for name in ("along", "over", "s"))
+        (m, n), (p, q) = self.frame.across, self.form.half
+        axes = (mul(p, n), mul(p, m)), (mul(MINUS_ONE, q, m), mul(q, n))
+        start = [add(c, mul(size, z)) for c, size, z in zip(self.form.middle, self.form.half, self.near.place, strict=True)]
+        moves = [add(mul(a, along), mul(b, over)) for a, b in axes]
+        at = {x: add(c, move) for x, c, move in zip(variables, start, moves, strict=True)}
+        steps = _Steps.of(self.frame, s)
+        value = restrict(coefficient, at, self.g, (v, u))
+        value = with_conditions_at(value, (at[u], at[v]), _cleared, (*start, *axes[0], *axes[1], *steps[:3], _SIGN))
+        for binder, c, move in zip(self.binders, start, moves, strict=True):
+            lo, hi = (sub(cast(Expr, substitute(e, at)), c) for e in (binder.lo, binder.hi))
+            value = signed_inside(move, lo, hi, self.g, binder, value)
+
+        def algebraic(old: Compare, new: Expr, resolution: Cond | None) -> Cond:
+            z = fresh("z", old.g.free)
+            moved = cast(Expr, substitute(old.g, {along: mul(steps.along, z), over: mul(steps.over, z)}))
+            polynomial = _without(moved, z, steps.whole, _SIGN, Shadow((along, over)).degree(old.g))
+            return positive(new if polynomial is None else polynomial, old.strict, resolution, old.rivals)
+
+        z = integer_power(steps.whole, -1)
+        weight = div(mul(call("magnitude", mul(p, q)), steps.rate, _SIGN, z), self.frame.length)
+        on_curve = {along: mul(steps.along, z), over: mul(steps.over, z)}
+        return integral_over(cast(Expr, substitute(mul(weight, value), on_curve, algebraic)), s, MINUS_ONE, ONE)
+
+
+def _without(p: Expr, z: Var, whole: Expr, sign: Expr, degree: int | None) -> Expr | None:
+    """Returns p·(σD)ⁿ for a polynomial p of degree n in z = 1/D; None for other functions."""
+    if degree is None or degree > MAX_DEGREE:
+        return None
+    polynomial = cleared(p, z, whole, degree)
+    return mul(sign, polynomial) if degree % 2 else polynomial
+
+
+def _cleared(g: Expr, variables: Sequence[Var], at: Sequence[Var]) -> Expr:
+    """Returns a function at P + (U, V)/D, times a power of σD if it is a polynomial; `at` has P, the axes, U, V, D and σ."""
+    first, second, first_along, first_over, second_along, second_over, along, over, whole, sign = at
+    z = fresh("z", g.free | set(at))
+
+    def places(inverse: Expr) -> dict[Var, Expr]:
+        moves = [add(mul(a, along), mul(b, over)) for a, b in ((first_along, first_over), (second_along, second_over))]
+        return {x: add(start, mul(inverse, move)) for x, start, move in zip(variables, (first, second), moves, strict=True)}
+
+    polynomial = _without(cast(Expr, substitute(g, places(z))), z, whole, sign, Shadow(tuple(variables)).degree(g))
+    return cast(Expr, substitute(g, places(integer_power(whole, -1)))) if polynomial is None else polynomial
