@@ -22,8 +22,8 @@ TURN = Param.make(f"{APART}turn cos", ()), Param.make(f"{APART}turn sin", ())
 HALF = Param.make(f"{APART}half", ())
 """0 on that half of a circle that is near, 1 on the other one."""
 ARC = Param.make(f"{APART}arc", ())
-"""Which arc of a conic is followed, from 0 to 7: four of the one branch, then those of the other one."""
-ARCS = 8
+"""Which arc of a conic is followed, from 0 to 11: six of the one branch, then those of the other one."""
+ARCS = 12
 VELOCITIES = Param.make(f"{APART}left moves", ()), Param.make(f"{APART}right moves", ())
 """The velocities of the ends of a gap."""
 

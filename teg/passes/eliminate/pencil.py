@@ -5,12 +5,13 @@
 
     ∫∫ f δ(g)  =  ∫ f(P + (u, v))·|ν dw - w dν|/(G·|D|)
 
-Near P, w is the length along the curve. Far from it the slope ω = h·w tells places: of two lines (h = 0) the second one. So there are four
-arcs, |w| < r, |h|r < ±ω < K, and |ν/ω| < 1/K. A hyperbola has two branches, on which D > 0 and D < 0. On an arc of a branch σ, conditions p
-of degree n are polynomials p·(σD)ⁿ of degree 2n in s. The box, which lies between lines, excludes D = 0.
+Near P, w is the length along the curve. Far from it the slope ω = h·w/ν tells places: of two lines (h = 0) the second one. So there are six
+arcs: |w/ν| < r, then r < ±w/ν up to the slope Ω = √(|h|r·K), then Ω < ±ω < K, and |ν/ω| < 1/K. A hyperbola has two branches, on which D > 0
+and D < 0. On an arc of a branch σ, conditions p of degree n are polynomials p·(σD)ⁿ of degree 2n in s. The box, which lies between lines,
+excludes D = 0.
 
 P is where the curve meets a side of the box, or else a line through the middle of an ellipse: where it crosses best. Coordinates are those
-in which the box is the square from -1 to 1. Cost: one integral, over a range of eight arcs. Source: rational parametrisation of conics by
+in which the box is the square from -1 to 1. Cost: one integral, over a range of twelve arcs. Source: rational parametrisation of conics by
 the pencil of lines through a point (Semple and Kneebone, Algebraic Projective Geometry, 1952, chapter 5).
 """
 
@@ -153,16 +154,24 @@ class _Roots(NamedTuple):
         square = sub(mul(b, b), mul(const(4.0), a, c))
         root = call("sqrt", call("max", square, ZERO))
         larger = mul(const(-0.5), add(b, where(positive(b), root, mul(MINUS_ONE, root))))
-        return cls(square, (div(larger, a), div(c, larger)))
+        return cls(square, (_quotient(larger, a), _quotient(c, larger)))
+
+
+def _quotient(p: Expr, q: Expr) -> Expr:
+    """Returns p/q, and a number that is outside of the box for q = 0."""
+    exists = positive(call("magnitude", q))
+    return where(exists, div(p, where(exists, q, ONE)), TWO)
 
 
 def _is_inside(place: Expr) -> Cond:
     return positive(sub(const(1.0 + OUTSIDE), call("magnitude", place)))
 
 
-_IS_OTHER = positive(sub(ARC, const(3.5)))
+_IS_OTHER = positive(sub(ARC, const(5.5)))
 _SIGN = where(_IS_OTHER, MINUS_ONE, ONE)
-_KIND = sub(ARC, where(_IS_OTHER, const(4.0), ZERO))
+_KIND = sub(ARC, where(_IS_OTHER, const(6.0), ZERO))
+_IS_NEAREST, _IS_NEAR, _IS_FARTHEST = positive(sub(HALF, _KIND)), positive(sub(const(2.5), _KIND)), positive(sub(_KIND, const(4.5)))
+_IS_LEFT = disjunction(*(positive(sub(const(0.25), integer_power(sub(_KIND, const(kind)), 2))) for kind in (2.0, 4.0)))
 
 
 class _Frame(NamedTuple):
@@ -186,7 +195,8 @@ class _Frame(NamedTuple):
         """Returns that of a form."""
         (a, b, c), (p, q), (s, r) = form.entries, near.place, form.slopes
         m, n = add(s, mul(TWO, add(mul(a, p), mul(b, q)))), add(r, mul(TWO, add(mul(b, p), mul(c, q))))
-        length = call("chosen", call("sqrt", add(mul(m, m), mul(n, n))))
+        square = add(mul(m, m), mul(n, n))
+        length = call("chosen", where(positive(square), call("sqrt", square), ONE))
         m, n = (call("chosen", div(e, length)) for e in (m, n))
         bent = add(mul(a, n, n), mul(const(-2.0), b, m, n), mul(c, m, m))
         mixed = add(mul(sub(a, c), m, n), mul(b, sub(mul(n, n), mul(m, m))))
@@ -198,12 +208,10 @@ class _Frame(NamedTuple):
         steep = mul(call("magnitude", h), reach)
         turn = call("chosen", where(is_small, steep, call("max", ONE, steep)))
         has_between = conjunction(negation(is_small), positive(sub(turn, steep)))
-        is_between = conjunction(positive(sub(_KIND, HALF)), positive(sub(const(2.5), _KIND)))
+        is_between = negation(disjunction(_IS_NEAREST, _IS_FARTHEST))
         several = positive(sub(mul(const(DEFINITE), add(mul(h, h), mul(beta, beta), mul(gamma, gamma))), inverse))
-        first = where(positive(sub(HALF, _KIND)), ONE, h)  # D has its sign on an ellipse
-        has_arc = conjunction(
-            disjunction(several, positive(mul(_SIGN, first), strict=False)), disjunction(negation(is_between), has_between)
-        )
+        first = where(_IS_NEAR, ONE, h)  # D has its sign on an ellipse
+        has_arc = conjunction(disjunction(several, positive(mul(_SIGN, first))), disjunction(negation(is_between), has_between))
         return cls((m, n), length, h, beta, gamma, call("chosen", where(is_small, beta, ZERO)), reach, turn, has_arc)
 
 
@@ -218,17 +226,26 @@ class _Steps(NamedTuple):
     @classmethod
     def of(cls, frame: _Frame, s: Expr) -> _Steps:
         """Returns those of the arc `ARC`."""
-        is_near, is_far = positive(sub(HALF, _KIND)), positive(sub(_KIND, const(2.5)))
-        side = where(positive(sub(const(1.5), _KIND)), ONE, MINUS_ONE)
-        steep = mul(call("magnitude", frame.h), frame.reach)
-        rate = where(is_near, frame.reach, where(is_far, frame.turn, mul(HALF, sub(frame.turn, steep))))
-        start = where(is_near, ZERO, where(is_far, frame.turn, mul(HALF, side, add(frame.turn, steep))))
-        far = call("max", ZERO, sub(_KIND, TWO))  # 1 or 0; a choice would be one between functions of s
-        w = add(start, mul(sub(ONE, far), where(is_near, rate, mul(side, rate)), s))
-        turned = where(is_near, ONE, where(positive(frame.h), ONE, MINUS_ONE))  # far away w is h·w: |h|·reach on an ellipse
-        skew = where(is_near, frame.skew, div(mul(turned, frame.skew, frame.reach), frame.turn))
-        n = add(sub(ONE, far), mul(far, s), mul(skew, w))
-        by_w, by_n = where(is_near, frame.h, ONE), where(is_near, ONE, frame.h)
+        (steep, reach, turn), side = (
+            (mul(call("magnitude", frame.h), frame.reach), frame.reach, frame.turn),
+            where(_IS_LEFT, MINUS_ONE, ONE),
+        )
+        share = call("chosen", call("sqrt", div(steep, turn)))  # both arcs between end at the slope √(|h|·r·K)
+        nearest = reach, ZERO, reach, ONE, ZERO
+        next_ = mul(HALF, reach, sub(ONE, share)), mul(side, reach), ZERO, mul(HALF, add(ONE, share)), mul(HALF, sub(ONE, share))
+        half = mul(HALF, turn, sub(ONE, share))
+        last = half, mul(HALF, side, turn, add(ONE, share)), mul(side, half), ONE, ZERO
+        farthest = turn, turn, ZERO, ZERO, ONE
+        chosen = (
+            where(_IS_NEAREST, p, where(_IS_NEAR, q, where(_IS_FARTHEST, u, r)))
+            for p, q, r, u in zip(nearest, next_, last, farthest, strict=True)
+        )
+        rate, w, by_s, n, of_s = (call("chosen", e) for e in chosen)
+        w, n = add(w, mul(by_s, s)), add(n, mul(of_s, s))
+        turned = where(_IS_NEAR, ONE, where(positive(frame.h), ONE, MINUS_ONE))  # far away w is h·w: |h|·r on an ellipse
+        skew = call("chosen", where(_IS_NEAR, frame.skew, div(mul(turned, frame.skew, reach), turn)))
+        n = add(n, mul(skew, w))
+        by_w, by_n = where(_IS_NEAR, frame.h, ONE), where(_IS_NEAR, ONE, frame.h)
         square = integer_power(w, 2)
         whole = add(mul(by_n, integer_power(n, 2)), mul(const(-2.0), frame.beta, w, n), mul(by_w, frame.gamma, square))
         return cls(mul(w, n), mul(MINUS_ONE, by_w, square), whole, rate)
