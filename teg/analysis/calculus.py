@@ -66,6 +66,8 @@ def partials(node: Call) -> list[Expr]:
             k = node.children[1]
             return [mul(k, call("pow", u, sub(k, ONE))), _by_exponent(node, u, k)]
         case "chosen":
+            return [ZERO]
+        case "exact":
             return [ONE]
         case "magnitude":
             return [where(positive(u), ONE, MINUS_ONE)]

@@ -78,5 +78,5 @@ def _value(node: Node, parts: list[Any], np: Any) -> Any:
 
 _NAMES = {
     "asin": "arcsin", "acos": "arccos", "atan": "arctan", "atan2": "arctan2", "pow": "power", "magnitude": "abs", "min": "minimum",
-    "max": "maximum", "chosen": "positive",
+    "max": "maximum", "chosen": "positive", "exact": "positive",
 }  # fmt: skip

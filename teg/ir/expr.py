@@ -437,14 +437,15 @@ FUNCTIONS: dict[str, Callable[..., float]] = {
     "pow": math.pow, "floor": lambda x: float(math.floor(x)), "ceil": lambda x: float(math.ceil(x)),
     "round": lambda x: float(round(x)), "mod": lambda x, y: x - y * math.floor(x / y),
     "erfinv": inverse_erf, "erfcinv": inverse_erfc, "magnitude": abs, "root": lambda x: math.sqrt(abs(x)), "min": min, "max": max,
-    "chosen": float,
+    "chosen": float, "exact": float,
 }  # fmt: skip
-"""The functions of the language, and seven that only the compiler uses.
+"""The functions of the language, and eight that only the compiler uses.
 
 `erfinv` and `erfcinv` are the inverses of erf and erfc, for the roots of conditions.
 `magnitude` is |u| without a surface at u = 0, for weights that cannot vanish. `root` is √u where u >= 0, and a number, not NaN, where
-rounding takes u below 0. `min` and `max` serve interval bounds. `chosen` is u
-where any number near u does as well, as the place at which a chart starts: its rounding errors decide no tie.
+rounding takes u below 0. `min` and `max` serve interval bounds. `exact` is u
+without its rounding errors, which then decide no tie. `chosen` is the same where any number near u does as well, as the place at which a
+chart starts: its derivative is 0.
 """
 
 

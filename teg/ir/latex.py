@@ -227,7 +227,7 @@ def _juxtaposed(factors: list[str]) -> str:
 def _call(node: Call, parts: list[Text]) -> Text:
     arguments = ", ".join(p[0] for p in parts)
     match node.name:
-        case "chosen":
+        case "chosen" | "exact":
             return parts[0]
         case "sqrt" | "root":
             return rf"\sqrt{{{arguments}}}", _ATOM

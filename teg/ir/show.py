@@ -92,7 +92,7 @@ def _line(node: Node, parts: list[tuple[str, int]], text: Mapping[Node, tuple[st
         case Call():
             if node.name == "magnitude":
                 return f"|{parts[0][0]}|", _ATOM
-            if node.name == "chosen":
+            if node.name in ("chosen", "exact"):
                 return parts[0]
             if node.name in ("sqrt", "root"):
                 return "√" + _wrapped(parts[0], _ATOM), _ATOM

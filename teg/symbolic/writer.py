@@ -146,7 +146,7 @@ class Writer:
                 return self.make(sympy.Pow, *parts, sympy.S.Half)
             case "root":
                 return self.make(sympy.Pow, self.make(sympy.Abs, *parts), sympy.S.Half)
-            case "chosen":
+            case "chosen" | "exact":
                 return parts[0]
             case "magnitude":
                 return self.make(sympy.Abs, *parts)
@@ -268,6 +268,7 @@ _FINITE = frozenset(
         "min",
         "max",
         "chosen",
+        "exact",
     )
 )
 

@@ -31,7 +31,6 @@ from teg.errors import NotDifferentiableError
 from teg.ir.expr import MINUS_ONE, ONE, ZERO, Compare, Cond, Expr, Var, const
 from teg.ir.integral import integral_over
 from teg.ir.simplify import add, call, conjunction, disjunction, div, integer_power, mul, negation, positive, sub, where
-from teg.ir.still import with_still_parameters
 from teg.ir.traverse import fresh, substitute
 from teg.ir.uncovered import ARC
 from teg.passes.eliminate.marks import with_conditions_at
@@ -104,6 +103,21 @@ class _Form(NamedTuple):
         entries = (mul(HALF, p, p, slope(slope(g, u), u)), mul(HALF, p, q, slope(slope(g, u), v)), mul(HALF, q, q, slope(slope(g, v), v)))
         return cls((m, n), (p, q), level, (mul(p, by_u), mul(q, by_v)), entries)
 
+    def slopes_at(self, place: Vector) -> Vector:
+        """Returns the gradient at a place."""
+        (a, b, c), (p, q), (s, r) = self.entries, place, self.slopes
+        return add(s, mul(TWO, add(mul(a, p), mul(b, q)))), add(r, mul(TWO, add(mul(b, p), mul(c, q))))
+
+    def moved(self, place: Vector) -> Vector:
+        """Returns a place on the curve as a function of the coefficients, by a step of Newton's method: a root itself is long to
+        differentiate."""
+        (a, b, c), (p, q), (s, r) = self.entries, place, self.slopes
+        height = add(self.level, mul(s, p), mul(r, q), mul(a, p, p), mul(TWO, b, p, q), mul(c, q, q))
+        m, n = self.slopes_at(place)
+        square = add(mul(m, m), mul(n, n))
+        step = mul(height, call("chosen", div(ONE, where(positive(square), square, ONE))))
+        return sub(p, mul(step, call("chosen", m))), sub(q, mul(step, call("chosen", n)))
+
     def line(self, across: bool, place: Expr) -> tuple[Expr, Expr, Expr]:
         """Returns the coefficients, the highest power first, along a line on which the first (`across`) or second coordinate is fixed."""
         a, b, c = self.entries
@@ -133,12 +147,13 @@ class _Point(NamedTuple):
             better = positive(sub(quality, best))
             best, fixed = call("max", quality, best), where(better, place, fixed)
             is_upright = where(better, ONE if across else ZERO, is_upright)
-        upright, fixed = positive(sub(is_upright, HALF)), call("chosen", with_still_parameters(fixed))
+        upright = positive(sub(is_upright, HALF))
         columns = zip(form.line(True, fixed), form.line(False, fixed), strict=True)
         places = _Roots.of([where(upright, p, q) for p, q in columns]).places
         low, high = call("min", *places), call("max", *places)
-        root = call("chosen", where(_is_inside(low), low, high))
-        return cls((where(upright, fixed, root), where(upright, root, fixed)), positive(best))
+        root = where(_is_inside(low), low, high)
+        first, second = (call("chosen", e) for e in (where(upright, fixed, root), where(upright, root, fixed)))
+        return cls(form.moved((first, second)), positive(best))
 
 
 class _Roots(NamedTuple):
@@ -193,26 +208,26 @@ class _Frame(NamedTuple):
     @classmethod
     def at(cls, form: _Form, near: _Point) -> _Frame:
         """Returns that of a form."""
-        (a, b, c), (p, q), (s, r) = form.entries, near.place, form.slopes
-        m, n = add(s, mul(TWO, add(mul(a, p), mul(b, q)))), add(r, mul(TWO, add(mul(b, p), mul(c, q))))
+        a, b, c = form.entries
+        m, n = form.slopes_at(near.place)
         square = add(mul(m, m), mul(n, n))
-        length = call("chosen", where(positive(square), call("sqrt", square), ONE))
-        m, n = (call("chosen", div(e, length)) for e in (m, n))
+        length = call("exact", where(positive(square), call("sqrt", square), ONE))
+        m, n = (call("exact", div(e, length)) for e in (m, n))
         bent = add(mul(a, n, n), mul(const(-2.0), b, m, n), mul(c, m, m))
         mixed = add(mul(sub(a, c), m, n), mul(b, sub(mul(n, n), mul(m, m))))
         other = add(mul(a, m, m), mul(TWO, b, m, n), mul(c, n, n))
-        h, beta, gamma = (call("chosen", div(e, length)) for e in (bent, mixed, other))
+        h, beta, gamma = (call("exact", div(e, length)) for e in (bent, mixed, other))
         inverse = sub(mul(h, gamma), mul(beta, beta))
         is_small = positive(sub(inverse, const(REACH**-2)))
         reach = call("chosen", where(is_small, integer_power(call("sqrt", where(is_small, inverse, ONE)), -1), const(REACH)))
         steep = mul(call("magnitude", h), reach)
-        turn = call("chosen", where(is_small, steep, call("max", ONE, steep)))
+        turn = where(disjunction(is_small, positive(sub(steep, ONE))), steep, ONE)
         has_between = conjunction(negation(is_small), positive(sub(turn, steep)))
         is_between = negation(disjunction(_IS_NEAREST, _IS_FARTHEST))
         several = positive(sub(mul(const(DEFINITE), add(mul(h, h), mul(beta, beta), mul(gamma, gamma))), inverse))
         first = where(_IS_NEAR, ONE, h)  # D has its sign on an ellipse
         has_arc = conjunction(disjunction(several, positive(mul(_SIGN, first))), disjunction(negation(is_between), has_between))
-        return cls((m, n), length, h, beta, gamma, call("chosen", where(is_small, beta, ZERO)), reach, turn, has_arc)
+        return cls((m, n), length, h, beta, gamma, call("exact", where(is_small, beta, ZERO)), reach, turn, has_arc)
 
 
 class _Steps(NamedTuple):
@@ -230,20 +245,19 @@ class _Steps(NamedTuple):
             (mul(call("magnitude", frame.h), frame.reach), frame.reach, frame.turn),
             where(_IS_LEFT, MINUS_ONE, ONE),
         )
-        share = call("chosen", call("sqrt", div(steep, turn)))  # both arcs between end at the slope √(|h|·r·K)
+        meeting = call("chosen", call("sqrt", mul(steep, turn)))  # the slope at which both arcs between end
+        share = div(steep, where(positive(meeting), meeting, ONE))
         nearest = reach, ZERO, reach, ONE, ZERO
-        next_ = mul(HALF, reach, sub(ONE, share)), mul(side, reach), ZERO, mul(HALF, add(ONE, share)), mul(HALF, sub(ONE, share))
-        half = mul(HALF, turn, sub(ONE, share))
-        last = half, mul(HALF, side, turn, add(ONE, share)), mul(side, half), ONE, ZERO
+        first = mul(HALF, reach, sub(ONE, share)), mul(side, reach), ZERO, mul(HALF, add(ONE, share)), mul(HALF, sub(ONE, share))
+        half = mul(HALF, sub(turn, meeting))
+        second = half, mul(HALF, side, add(turn, meeting)), mul(side, half), ONE, ZERO
         farthest = turn, turn, ZERO, ZERO, ONE
-        chosen = (
-            where(_IS_NEAREST, p, where(_IS_NEAR, q, where(_IS_FARTHEST, u, r)))
-            for p, q, r, u in zip(nearest, next_, last, farthest, strict=True)
-        )
-        rate, w, by_s, n, of_s = (call("chosen", e) for e in chosen)
+        of_arcs = zip(nearest, first, second, farthest, strict=True)
+        of_arc = (where(_IS_NEAREST, p, where(_IS_NEAR, q, where(_IS_FARTHEST, u, r))) for p, q, r, u in of_arcs)
+        rate, w, by_s, n, of_s = (call("exact", e) for e in of_arc)
         w, n = add(w, mul(by_s, s)), add(n, mul(of_s, s))
         turned = where(_IS_NEAR, ONE, where(positive(frame.h), ONE, MINUS_ONE))  # far away w is h·w: |h|·r on an ellipse
-        skew = call("chosen", where(_IS_NEAR, frame.skew, div(mul(turned, frame.skew, reach), turn)))
+        skew = call("exact", where(_IS_NEAR, frame.skew, div(mul(turned, frame.skew, reach), turn)))
         n = add(n, mul(skew, w))
         by_w, by_n = where(_IS_NEAR, frame.h, ONE), where(_IS_NEAR, ONE, frame.h)
         square = integer_power(w, 2)

@@ -161,7 +161,7 @@ class Emitter:
                 return self.assign(home, "call", k, *(self._number_of(c, home) for c in e.children))
             case ClosedForm():
                 return self.closed_form(e, home)
-            case Call() if e.name == "chosen":
+            case Call() if e.name in ("chosen", "exact"):
                 return self._number_of(e.children[0], home)
             case Call() if e.name in ("erfinv", "erfcinv"):
                 u = e.children[0]

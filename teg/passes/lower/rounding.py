@@ -108,7 +108,7 @@ class Rounding:
                 stack.pop()
                 continue
             inside: Sequence[Expr] = ()
-            if isinstance(e, Add | Mul | Pow | Call) and not (isinstance(e, Call) and e.name == "chosen"):
+            if isinstance(e, Add | Mul | Pow | Call) and not (isinstance(e, Call) and e.name in ("chosen", "exact")):
                 inside = cast("Sequence[Expr]", e.children)
             elif isinstance(e, Where):
                 inside = (e.then, e.otherwise)
@@ -134,7 +134,7 @@ class Rounding:
             return put("add", *kept) if len(kept) > 1 else kept[0] if kept else 0.0
 
         match e:
-            case Const() | Param() | Var() | Call(name="chosen"):
+            case Const() | Param() | Var() | Call(name="chosen" | "exact"):
                 return 0.0
             case Mul() if e.children[0] is MINUS_ONE and len(e.children) == 2:
                 return errors[1]

@@ -54,6 +54,7 @@ _SINGULAR = frozenset(
         "min",
         "max",
         "chosen",
+        "exact",
     )
 )
 
