@@ -23,7 +23,7 @@ from dataclasses import dataclass
 from typing import NamedTuple, cast
 
 from teg.analysis.calculus import slope
-from teg.analysis.half_angle import MAX_DEGREE, cleared
+from teg.analysis.half_angle import MAX_DEGREE
 from teg.analysis.nest import Binder, Chain, divided, nest
 from teg.analysis.polynomial import Shadow
 from teg.analysis.surfaces import restrict, signed_inside
@@ -230,16 +230,20 @@ class _Frame(NamedTuple):
         return cls((m, n), length, h, beta, gamma, call("exact", where(is_small, beta, ZERO)), reach, turn, has_arc)
 
 
-class _Steps(NamedTuple):
-    """Along the curve, by s in (-1, 1): U, V and D of the place P + (U, V)/D, and the constant ν dw - w dν."""
+Polynomial = Sequence[Expr]
+"""The coefficients of a polynomial of s, by powers."""
 
-    along: Expr
-    over: Expr
-    whole: Expr
+
+class _Steps(NamedTuple):
+    """Along the curve, by s in (-1, 1): the polynomials U, V and D of the place P + (U, V)/D, and the constant ν dw - w dν."""
+
+    along: Polynomial
+    over: Polynomial
+    whole: Polynomial
     rate: Expr
 
     @classmethod
-    def of(cls, frame: _Frame, s: Expr) -> _Steps:
+    def of(cls, frame: _Frame) -> _Steps:
         """Returns those of the arc `ARC`."""
         (steep, reach, turn), side = (
             (mul(call("magnitude", frame.h), frame.reach), frame.reach, frame.turn),
@@ -254,15 +258,32 @@ class _Steps(NamedTuple):
         farthest = turn, turn, ZERO, ZERO, ONE
         of_arcs = zip(nearest, first, second, farthest, strict=True)
         of_arc = (where(_IS_NEAREST, p, where(_IS_NEAR, q, where(_IS_FARTHEST, u, r))) for p, q, r, u in of_arcs)
-        rate, w, by_s, n, of_s = (call("exact", e) for e in of_arc)
-        w, n = add(w, mul(by_s, s)), add(n, mul(of_s, s))
+        rate, *starts = (call("exact", e) for e in of_arc)
+        w, n = starts[:2], starts[2:]
         turned = where(_IS_NEAR, ONE, where(positive(frame.h), ONE, MINUS_ONE))  # far away w is h·w: |h|·r on an ellipse
         skew = call("exact", where(_IS_NEAR, frame.skew, div(mul(turned, frame.skew, reach), turn)))
-        n = add(n, mul(skew, w))
+        n = [add(p, mul(skew, q)) for p, q in zip(n, w, strict=True)]
         by_w, by_n = where(_IS_NEAR, frame.h, ONE), where(_IS_NEAR, ONE, frame.h)
-        square = integer_power(w, 2)
-        whole = add(mul(by_n, integer_power(n, 2)), mul(const(-2.0), frame.beta, w, n), mul(by_w, frame.gamma, square))
-        return cls(mul(w, n), mul(MINUS_ONE, by_w, square), whole, rate)
+        along, square = _product(w, n), _product(w, w)
+        whole = _total(_scaled(by_n, _product(n, n)), _scaled(mul(const(-2.0), frame.beta), along), _scaled(mul(by_w, frame.gamma), square))
+        parts = along, _scaled(mul(MINUS_ONE, by_w), square), whole
+        return cls(*([call("exact", e) for e in part] for part in parts), rate)
+
+
+def _product(p: Polynomial, q: Polynomial) -> Polynomial:
+    return [add(*(mul(p[i], q[k - i]) for i in range(len(p)) if 0 <= k - i < len(q))) for k in range(len(p) + len(q) - 1)]
+
+
+def _scaled(factor: Expr, p: Polynomial) -> Polynomial:
+    return [mul(factor, e) for e in p]
+
+
+def _total(*parts: Polynomial) -> Polynomial:
+    return [add(*(p[k] for p in parts if k < len(p))) for k in range(max(map(len, parts)))]
+
+
+def _at(p: Polynomial, s: Expr) -> Expr:
+    return add(*(mul(e, integer_power(s, k)) for k, e in enumerate(p)))
 
 
 @dataclass(frozen=True)
@@ -281,45 +302,64 @@ class _Curve:
         taken = coefficient.free | self.g.free | {u, v}
         along, over, s = (fresh(name, taken) for name in ("along", "over", "s"))
         (m, n), (p, q) = self.frame.across, self.form.half
-        axes = (mul(p, n), mul(p, m)), (mul(MINUS_ONE, q, m), mul(q, n))
-        start = [add(c, mul(size, z)) for c, size, z in zip(self.form.middle, self.form.half, self.near.place, strict=True)]
+        axes = [[call("exact", e) for e in axis] for axis in ((mul(p, n), mul(p, m)), (mul(MINUS_ONE, q, m), mul(q, n)))]
+        start = [call("exact", add(c, mul(size, z))) for c, size, z in zip(self.form.middle, self.form.half, self.near.place, strict=True)]
         moves = [add(mul(a, along), mul(b, over)) for a, b in axes]
         at = {x: add(c, move) for x, c, move in zip(variables, start, moves, strict=True)}
-        steps = _Steps.of(self.frame, s)
+        steps = _Steps.of(self.frame)
         value = restrict(coefficient, at, self.g, (v, u))
-        value = with_conditions_at(value, (at[u], at[v]), _cleared, (*start, *axes[0], *axes[1], *steps[:3], _SIGN))
+        terms = *start, *axes[0], *axes[1], *steps.along, *steps.over, *steps.whole, _SIGN, s
+        value = with_conditions_at(value, (at[u], at[v]), _on_arc, terms)
         for binder, c, move in zip(self.binders, start, moves, strict=True):
             lo, hi = (sub(cast(Expr, substitute(e, at)), c) for e in (binder.lo, binder.hi))
             value = signed_inside(move, lo, hi, self.g, binder, value)
 
         def algebraic(old: Compare, new: Expr, resolution: Cond | None) -> Cond:
-            z = fresh("z", old.g.free)
-            moved = cast(Expr, substitute(old.g, {along: mul(steps.along, z), over: mul(steps.over, z)}))
-            polynomial = _without(moved, z, steps.whole, _SIGN, Shadow((along, over)).degree(old.g))
-            return positive(new if polynomial is None else polynomial, old.strict, resolution, old.rivals)
+            polynomial = _cleared(old.g, (along, over), steps[:3], _SIGN)
+            return positive(new if polynomial is None else _at(polynomial, s), old.strict, resolution, old.rivals)
 
-        z = integer_power(steps.whole, -1)
+        z = integer_power(_at(steps.whole, s), -1)
         weight = div(mul(call("magnitude", mul(p, q)), steps.rate, _SIGN, z), self.frame.length)
-        on_curve = {along: mul(steps.along, z), over: mul(steps.over, z)}
+        on_curve = {along: mul(_at(steps.along, s), z), over: mul(_at(steps.over, s), z)}
         return integral_over(cast(Expr, substitute(mul(weight, value), on_curve, algebraic)), s, MINUS_ONE, ONE)
 
 
-def _without(p: Expr, z: Var, whole: Expr, sign: Expr, degree: int | None) -> Expr | None:
-    """Returns p·(σD)ⁿ for a polynomial p of degree n in z = 1/D; None for other functions."""
+def _on_arc(g: Expr, variables: Sequence[Var], at: Sequence[Var]) -> Expr:
+    """Returns a function at P + (U, V)/D, times a power of σD if it is a polynomial; `at` has P, the axes, U, V, D, σ and s."""
+    places, parts, (sign, s) = at[:6], (at[6:9], at[9:12], at[12:15]), at[15:]
+    along, over = (fresh(name, [*variables, *at]) for name in ("along", "over"))
+    moves = [add(mul(a, along), mul(b, over)) for a, b in (places[2:4], places[4:6])]
+    moved = cast(Expr, substitute(g, {x: add(start, move) for x, start, move in zip(variables, places[:2], moves, strict=True)}))
+    polynomial = _cleared(moved, (along, over), parts, sign)
+    if polynomial is not None:
+        return _at(polynomial, s)
+    z = integer_power(_at(parts[2], s), -1)
+    return cast(Expr, substitute(moved, {along: mul(_at(parts[0], s), z), over: mul(_at(parts[1], s), z)}))
+
+
+def _cleared(g: Expr, variables: tuple[Var, Var], parts: Sequence[Polynomial], sign: Expr) -> Polynomial | None:
+    """Returns g(U/D, V/D)·(σD)ⁿ for a polynomial g of degree n, from U, V and D; None for other functions."""
+    degree = Shadow(variables).degree(g)
     if degree is None or degree > MAX_DEGREE:
         return None
-    polynomial = cleared(p, z, whole, degree)
-    return mul(sign, polynomial) if degree % 2 else polynomial
+    terms: list[Polynomial] = []
+    powers = [_powers(part, degree) for part in parts]
+    origin = dict.fromkeys(variables, ZERO)
+    for i in range(degree + 1):
+        derivative = g
+        for j in range(degree + 1 - i):
+            factor = const(1.0 / (math.factorial(i) * math.factorial(j)))
+            coefficient = mul(factor, cast(Expr, substitute(derivative, origin)))
+            if coefficient is not ZERO:
+                terms.append(_scaled(coefficient, _product(_product(powers[0][i], powers[1][j]), powers[2][degree - i - j])))
+            derivative = slope(derivative, variables[1])
+        g = slope(g, variables[0])
+    return _scaled(sign if degree % 2 else ONE, _total(*terms)) if terms else [ZERO]
 
 
-def _cleared(g: Expr, variables: Sequence[Var], at: Sequence[Var]) -> Expr:
-    """Returns a function at P + (U, V)/D, times a power of σD if it is a polynomial; `at` has P, the axes, U, V, D and σ."""
-    first, second, first_along, first_over, second_along, second_over, along, over, whole, sign = at
-    z = fresh("z", g.free | set(at))
-
-    def places(inverse: Expr) -> dict[Var, Expr]:
-        moves = [add(mul(a, along), mul(b, over)) for a, b in ((first_along, first_over), (second_along, second_over))]
-        return {x: add(start, mul(inverse, move)) for x, start, move in zip(variables, (first, second), moves, strict=True)}
-
-    polynomial = _without(cast(Expr, substitute(g, places(z))), z, whole, sign, Shadow(tuple(variables)).degree(g))
-    return cast(Expr, substitute(g, places(integer_power(whole, -1)))) if polynomial is None else polynomial
+def _powers(p: Polynomial, most: int) -> list[Polynomial]:
+    """Returns the powers of a polynomial, from 0."""
+    powers: list[Polynomial] = [[ONE]]
+    for _ in range(most):
+        powers.append(_product(powers[-1], p))
+    return powers
