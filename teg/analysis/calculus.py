@@ -22,6 +22,8 @@ def partials(node: Call) -> list[Expr]:
     """Returns ∂f/∂uᵢ of a function applied, in the order of its arguments."""
     if isinstance(node, Apply):
         return apply_partials(node)
+    if node.name in ("chosen", "exact"):
+        return [ZERO if node.name == "chosen" else ONE]
     u = node.children[0]
     match node.name:
         case "sin":
@@ -40,10 +42,8 @@ def partials(node: Call) -> list[Expr]:
             x = node.children[1]
             square = add(integer_power(u, 2), integer_power(x, 2))
             return [div(x, square), mul(MINUS_ONE, div(u, square))]
-        case "sinh":
-            return [call("cosh", u)]
-        case "cosh":
-            return [call("sinh", u)]
+        case "sinh" | "cosh":
+            return [call("cosh" if node.name == "sinh" else "sinh", u)]
         case "tanh":
             return [sub(ONE, integer_power(node, 2))]
         case "exp":
@@ -65,10 +65,6 @@ def partials(node: Call) -> list[Expr]:
         case "pow":
             k = node.children[1]
             return [mul(k, call("pow", u, sub(k, ONE))), _by_exponent(node, u, k)]
-        case "chosen":
-            return [ZERO]
-        case "exact":
-            return [ONE]
         case "magnitude":
             return [where(positive(u), ONE, MINUS_ONE)]
         case "min" | "max":

@@ -92,13 +92,11 @@ def _line(node: Node, parts: list[tuple[str, int]], text: Mapping[Node, tuple[st
         case Call():
             if node.name == "magnitude":
                 return f"|{parts[0][0]}|", _ATOM
-            if node.name in ("chosen", "exact"):
-                return parts[0]
             if node.name in ("sqrt", "root"):
                 return "√" + _wrapped(parts[0], _ATOM), _ATOM
             if node.name == "pow":
                 return f"{_wrapped(parts[0], _ATOM)}^{_wrapped(parts[1], _ATOM)}", _POWER
-            return f"{node.name}({', '.join(p[0] for p in parts)})", _ATOM
+            return parts[0] if node.name in ("chosen", "exact") else (f"{node.name}({', '.join(p[0] for p in parts)})", _ATOM)
         case Where():
             c, a, b = (p[0] for p in parts)
             if (a, b) == ("1", "0"):

@@ -11,7 +11,8 @@ import teg
 from teg.analysis.calculus import factor_cofactors, partials, slope, value_children
 from teg.analysis.evaluate import values_of
 from teg.errors import NotDifferentiableError
-from teg.ir.expr import ZERO, Call, Mul
+from teg.ir.expr import ONE, ZERO, Call, Mul
+from teg.ir.simplify import call
 
 x, y = teg.vars("x y")
 a, b, t = teg.params("a b t")
@@ -71,3 +72,16 @@ def test_a_positive_part_to_a_power_that_is_a_parameter(k: float, backend: str) 
     hessian = f.hessian(t=0.3, b=k)
     expected = [k * s ** (k - 1), -(s**k) * log, -(s**k) * log, whole * ((log - 1 / n) ** 2 + 1 / n**2)]
     assert list(hessian.values()) == pytest.approx(expected, rel=1e-8)
+
+
+def test_numbers_of_a_chart() -> None:
+    """They are their argument, wherever expressions are read; one that is chosen does not move."""
+    for name, rate in (("chosen", ZERO), ("exact", ONE)):
+        node = call(name, t)
+        assert isinstance(node, Call)
+        assert partials(node) == [rate]
+        assert values_of([node], {t: 0.75}) == [0.75]
+        assert (str(node), teg.latex(node), teg.to_sympy(node)) == (str(t), teg.latex(t), teg.to_sympy(t))
+        f = teg.compile(teg.integral(teg.bracket(x < node) * node, (x, 0, 1)), [t])
+        assert f(t=0.75) == pytest.approx(0.5625)
+        assert f.grad(t=0.75)["t"] == pytest.approx(1.5 if rate is ONE else 0.0)

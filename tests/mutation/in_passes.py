@@ -272,17 +272,22 @@ IN_PASSES: tuple[Mutant, ...] = (
         ("bases along an ellipse", "symbols.get(node)", "None"),
     ),
     *mutants(
-        "teg/passes/eliminate/matrix.py",
-        ("tests/passes/eliminate/test_matrix.py",),
-        ("a matrix that is not definite", "conjunction(definite, is_near", "conjunction(is_near"),
-        ("a matrix of zeros", "disjunction(negation(curved), conjunction", "disjunction(conjunction"),
+        "teg/passes/eliminate/pencil.py",
+        ("tests/passes/eliminate/test_pencil.py",),
+        ("the other branch of a hyperbola", "disjunction(several, positive(mul(_SIGN, first)))", "positive(mul(_SIGN, first))"),
+        ("arcs between near and far", "disjunction(negation(is_between), has_between)", "negation(is_between)"),
+        (
+            "a point of a conic that moves",
+            'return sub(p, mul(step, call("chosen", m))), sub(q, mul(step, call("chosen", n)))',
+            "return p, q",
+        ),
     ),
     *mutants(
         "teg/passes/eliminate/circle.py",
         ("tests/passes/eliminate/test_circle.py",),
         ("the far half of a circle", "disjunction(is_small, positive(", "disjunction(positive("),
         ("the distance to the far half", "sub(square, mul(HALF, sub(mul(const(2.0), square), integer_power(far, 2))))", "square"),
-        ("borders of others along a circle", "mul(lead, self.square))", "ZERO)"),
+        ("borders of others along a circle", "mul(lead, square))", "ZERO)"),
     ),
     *mutants(
         "teg/passes/intrinsics/pole/match.py",

@@ -134,7 +134,9 @@ def edges_of(node: Uncovered, weight: Expr, moved: Param | None = None) -> Itera
         beyond: Cond = surface.atoms[0]
         if moved is not None:
             beyond = cast(Cond, substitute(beyond, {y_x[-1]: add(y_x[-1], moved)}))
-        cell = mul(fixed(mul(weight, side)), _seen(_others(node, surface), y_x), bracket(beyond))
+        cell = mul(
+            fixed(mul(weight, side)), _seen(_others(node, surface)._replace(beyond=BEYOND if moved is None else 0.0), y_x), bracket(beyond)
+        )
         for v, (lo, hi) in reversed(list(zip(y_x, bounds, strict=True))):
             cell = integral_over(cell, v, fixed(lo), fixed(hi))
         counts = disjunction(*gates_of(node.condition, surface.atoms))

@@ -44,12 +44,14 @@ LEFT, RIGHT = Param.make(f"{APART}left", ()), Param.make(f"{APART}right", ())
 
 class Around(NamedTuple):
     """What covers places: an index and its range, the condition, and the same where it ties, as a number; `within` is a condition outside
-    of which all places are covered."""
+    of which all places are covered. Charts look for a curve as far as `beyond` the upper bound of the inner variable, as a part of its
+    range, so that all that is done along it has one chart."""
 
     over: tuple[IndexVar, Index, Index]
     condition: Cond
     tie: Expr
     within: Cond = TRUE
+    beyond: float = 0.0
 
 
 def placed(condition: Cond, at: Mapping[Var, Expr]) -> Cond:

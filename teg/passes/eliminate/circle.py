@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, cast
+from typing import cast
 
 from teg.analysis.calculus import slope
 from teg.analysis.half_angle import without_denominator
@@ -23,16 +23,13 @@ from teg.analysis.nest import Binder, Chain, divided, nest
 from teg.analysis.polynomial import Shadow, is_null
 from teg.analysis.surfaces import restrict, signed_inside
 from teg.errors import NotDifferentiableError
-from teg.ir.cells import Symbols, replaced
 from teg.ir.expr import MINUS_ONE, ONE, ZERO, Compare, Cond, Const, Expr, Var, const
-from teg.ir.function import Apply, Slot
 from teg.ir.integral import integral_over
-from teg.ir.node import Node
 from teg.ir.simplify import add, call, conjunction, disjunction, div, integer_power, mul, positive, sub, where
 from teg.ir.traverse import fresh, substitute
-from teg.ir.uncovered import HALF, marks_of
+from teg.ir.uncovered import HALF
 from teg.passes.eliminate.conic import born
-from teg.passes.eliminate.matrix import written_form
+from teg.passes.eliminate.marks import with_conditions_at
 
 SMALL = 0.3
 """The least |h|, times half of the diagonal of the box, of a circle of which both halves are followed: both can be in the box from
@@ -53,11 +50,11 @@ class Circle:
 
 
 def match_circle(g: Expr, variables: Sequence[Var]) -> Circle | None:
-    """Returns both variables of a circle whose curvature depends on parameters, and which is not written about its middle; else None."""
+    """Returns both variables of a circle whose curvature depends on parameters; else None."""
     mine = [v for v in variables if v in g.free]
     if len(mine) != 2 or (lead := square_of(g, (mine[0], mine[1]))) is None or isinstance(lead, Const):
         return None
-    return Circle((mine[1], mine[0])) if written_form(g, (mine[0], mine[1])) is None else None
+    return Circle((mine[1], mine[0]))
 
 
 def square_of(g: Expr, variables: tuple[Var, Var]) -> Expr | None:
@@ -121,7 +118,8 @@ class _Frame:
         a, b, w, t = (fresh(name, taken) for name in ("along", "across", "square", "s"))
         steps = _steps(self.across, a, b)
         at = {x: add(start, step) for x, start, step in zip((u, v), self.near, steps, strict=True)}
-        value = self._with_marks(restrict(coefficient, at, self.g, (v, u)), (a, b, w), (at[u], at[v]))
+        value = restrict(coefficient, at, self.g, (v, u))
+        value = with_conditions_at(value, (at[u], at[v]), _on_circle, (*self.near, *self.across, a, b, w))
         for binder, start, step in zip(self.binders, self.near, steps, strict=True):
             lo, hi = (sub(cast(Expr, substitute(e, at)), start) for e in (binder.lo, binder.hi))
             value = signed_inside(step, lo, hi, self.g, binder, value)
@@ -138,48 +136,18 @@ class _Frame:
         body = cast(Expr, substitute(mul(div(self.reach, self.length), value), on_circle, algebraic))
         return integral_over(mul(z, body), t, MINUS_ONE, ONE)
 
-    def _with_marks(self, value: Expr, steps: tuple[Var, Var, Var], at: tuple[Expr, Expr]) -> Expr:
-        """Returns a value in which what covers places knows the circles among its borders: they are linear in the steps along and across,
-        and in the square of the distance."""
-        found: dict[Node, Expr] = {}
-        for mark in marks_of(value):
-            around, names = cast(Slot, mark.callee).data[4]
-            if mark.children == at:
-                about = _About._make([*(fresh(name, names) for name in ("p", "q", "m", "n")), *steps])
-                condition, within = (about.relative(c, names) for c in (around.condition, around.within))
-                n = len(names) + len(about)
-                callee = Slot.make((0, n, n, None, (around._replace(condition=condition, within=within), (*names, *about))), ())
-                found[mark] = Apply.make((callee, (0,) * n), (*at, *self.near, *self.across, *steps))
-        return replaced([value], found)[0]
 
-
-class _About(NamedTuple):
-    """What conditions along a circle depend on: a point of it, the direction across, and the steps from there."""
-
-    first: Var
-    second: Var
-    over_first: Var
-    over_second: Var
-    along: Var
-    across: Var
-    square: Var
-
-    def relative(self, condition: Cond, names: tuple[Var, Var]) -> Cond:
-        """Returns a condition on variables as one on these."""
-        start = dict(zip(names, self[:2], strict=True))
-        steps = _steps(self[2:4], self.along, self.across)
-
-        def moved(old: Compare, new: Expr, resolution: Cond | None) -> Cond:
-            lead = square_of(old.g, names)
-            if lead is not None:
-                rates = [cast(Expr, substitute(slope(old.g, name), start)) for name in names]
-                new = add(cast(Expr, substitute(old.g, start)), *map(mul, rates, steps), mul(lead, self.square))
-            return positive(new, old.strict, resolution, old.rivals)
-
-        symbols = Symbols()
-        (cell,) = symbols.into([cast(Expr, condition)])
-        there = {name: add(point, step) for (name, point), step in zip(start.items(), steps, strict=True)}
-        return cast(Cond, symbols.out_of([cast(Expr, substitute(cell, there, moved))])[0])
+def _on_circle(g: Expr, variables: Sequence[Var], at: Sequence[Var]) -> Expr:
+    """Returns a function along a circle, from a point of it, the direction across, the steps along and across, and the square of the
+    distance: another circle is linear in these."""
+    near, across, (along, over, square) = at[:2], at[2:4], at[4:]
+    steps = _steps(across, along, over)
+    lead = square_of(g, (variables[0], variables[1]))
+    if lead is None:
+        return cast(Expr, substitute(g, {x: add(start, step) for x, start, step in zip(variables, near, steps, strict=True)}))
+    start = dict(zip(variables, near, strict=True))
+    rates = (cast(Expr, substitute(slope(g, x), start)) for x in variables)
+    return add(cast(Expr, substitute(g, start)), *map(mul, rates, steps), mul(lead, square))
 
 
 def _steps(across: Sequence[Expr], along: Expr, over: Expr) -> Vector:

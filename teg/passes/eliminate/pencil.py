@@ -29,10 +29,11 @@ from teg.analysis.polynomial import Shadow
 from teg.analysis.surfaces import restrict, signed_inside
 from teg.errors import NotDifferentiableError
 from teg.ir.expr import MINUS_ONE, ONE, ZERO, Compare, Cond, Expr, Var, const
+from teg.ir.function import Slot
 from teg.ir.integral import integral_over
 from teg.ir.simplify import add, call, conjunction, disjunction, div, integer_power, mul, negation, positive, sub, where
 from teg.ir.traverse import fresh, substitute
-from teg.ir.uncovered import ARC
+from teg.ir.uncovered import ARC, marks_of
 from teg.passes.eliminate.marks import with_conditions_at
 
 REACH = 2.0 * math.sqrt(2.0)
@@ -74,8 +75,10 @@ def rewrite_pencil(g: Expr, coefficient: Expr, chain: Chain, data: Pencil) -> Ex
     parts = divided(chain, data.variables)
     if parts is None:
         return None
-    mine, others, boxes = parts
-    form = _Form.of(g, boxes)
+    mine, others, (first, second) = parts
+    beyond = max((cast(Slot, mark.callee).data[4][0].beyond for mark in marks_of(coefficient)), default=0.0)
+    last = second if beyond == 0.0 else Binder(second.var, second.lo, add(second.hi, mul(const(beyond), sub(second.hi, second.lo))))
+    form = _Form.of(g, (first, last))
     near = _Point.on(form)
     frame = _Frame.at(form, near)
     curve = _Curve(g, (mine[0], mine[1]), form, near, frame)
@@ -140,7 +143,9 @@ class _Point(NamedTuple):
         centre = div(sub(mul(b, s), mul(a, r)), where(positive(whole), mul(TWO, whole), ONE))
         across_centre = call("max", MINUS_ONE, call("min", centre, ONE))
         lines = (True, MINUS_ONE), (True, ONE), (False, MINUS_ONE), (False, ONE), (False, across_centre)
-        best, is_upright, fixed = const(-1.0), ZERO, ZERO
+        best: Expr = const(-1.0)
+        is_upright: Expr = ZERO
+        fixed: Expr = ZERO
         for favour, (across, place) in zip(FAVOURS, lines, strict=True):
             roots = _Roots.of(form.line(across, place))
             quality = where(disjunction(*map(_is_inside, roots.places)), mul(const(favour), roots.square), const(-1.0))
@@ -266,8 +271,8 @@ class _Steps(NamedTuple):
         by_w, by_n = where(_IS_NEAR, frame.h, ONE), where(_IS_NEAR, ONE, frame.h)
         along, square = _product(w, n), _product(w, w)
         whole = _total(_scaled(by_n, _product(n, n)), _scaled(mul(const(-2.0), frame.beta), along), _scaled(mul(by_w, frame.gamma), square))
-        parts = along, _scaled(mul(MINUS_ONE, by_w), square), whole
-        return cls(*([call("exact", e) for e in part] for part in parts), rate)
+        along, over, whole = ([call("exact", e) for e in part] for part in (along, _scaled(mul(MINUS_ONE, by_w), square), whole))
+        return cls(along, over, whole, rate)
 
 
 def _product(p: Polynomial, q: Polynomial) -> Polynomial:
