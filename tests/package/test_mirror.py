@@ -106,7 +106,6 @@ ELSEWHERE = {
     "teg/passes/lower": dict.fromkeys(("emit", "intrinsic", "levels", "refute", "rounding"), "tests/passes/lower/test_integrals.py")
     | {
         "cut": "tests/ir/test_arrays.py",
-        "gaps": "tests/passes/differentiate/test_edges.py",
         "linear": "tests/passes/normalise/test_tables.py",
         "loops": "tests/ir/test_arrays.py",
         "rules": "tests/end_to_end/test_rules.py",

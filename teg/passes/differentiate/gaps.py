@@ -96,7 +96,8 @@ def moved_gaps(node: Gaps, rate: Rate) -> Expr:
         raise Refused("it is differentiated more than twice")
     term = rate(node.term, dict(zip(node.ends, VELOCITIES, strict=True)))
     borders = {atom.g: atom for atom in atoms_of(node.covered, node.variable)}
-    velocities = {g: mul(MINUS_ONE, rate(g, {}), integer_power(slope(g, node.variable), -1)) for g in borders}
+    slopes = {g: slope(g, node.variable) for g in borders}  # 0 for what is one of several constants: it jumps at borders inside of it
+    velocities = {g: mul(MINUS_ONE, rate(g, {}), integer_power(u, -1)) for g, u in slopes.items() if u is not ZERO}
     outer = [rate(end, {}) for end in cast("tuple[Expr, ...]", node.children[:2])]
     if all(v is ZERO for v in (*outer, *velocities.values())):
         (term,), outer, velocities = replaced([term], dict.fromkeys(VELOCITIES, ZERO)), [], {}

@@ -14,12 +14,14 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import NamedTuple, cast
 
+from teg.analysis.calculus import slope
 from teg.analysis.gates import gates_of
 from teg.analysis.isolation import Isolation, isolate
 from teg.analysis.roots import solve
 from teg.analysis.settings import Integration
 from teg.analysis.surfaces import atoms_of
-from teg.ir.expr import ONE, And, Compare, Cond, Expr, Or, Param, Var, Where
+from teg.ir.choices import NOTHING
+from teg.ir.expr import ONE, ZERO, And, Compare, Cond, Expr, Or, Param, Var, Where
 from teg.ir.node import Node
 from teg.ir.simplify import bracket, disjunction, negation, nonzero_part, positive
 from teg.ir.traverse import rewrite
@@ -76,9 +78,21 @@ def schedule_places(candidate: Candidate, place: Var, parameters: Sequence[str],
 
 
 def _by_border(candidate: Candidate, place: Var) -> dict[Expr, Expr]:
-    """Returns the velocity along the line of the border where a function is 0, for each function; nothing if nothing moves."""
-    known = [cast(Where, w) for w in candidate.velocities]
-    return {atom.g: w.then for w in known for atom in atoms_of(w.condition, place)}
+    """Returns the velocity along the line of the border where a function is 0, for each function; nothing if nothing moves.
+
+    A border whose condition is decided by now has no place. One whose condition consists of several by now has all of theirs that have no
+    velocity of their own.
+    """
+    known: dict[Expr, Expr] = {}
+    own: dict[Expr, Expr] = {}
+    for w in candidate.velocities:
+        if not isinstance(w, Where) or NOTHING not in (w.then, w.otherwise):
+            continue
+        velocity = w.otherwise if w.then is NOTHING else w.then
+        known.update((atom.g, velocity) for atom in atoms_of(w.condition, place))
+        if isinstance(w.condition, Compare):
+            own[w.condition.g] = velocity
+    return {**known, **own}
 
 
 def schedule_matters(matters: Expr, place: Var, parameters: Sequence[str], how: Integration) -> Program:
@@ -138,7 +152,8 @@ class _Line:
             roots = by_formulas or self.roots.isolated(_isolation(g, place, self.roots), *self.ends, top, when)
             found += roots
             if velocities:
-                moving += [out.number(velocities[g], Level(place, top, 1, names={place: p}, block=top.block)) for p in roots]
+                velocity = ZERO if slope(g, place) is ZERO else velocities[g]
+                moving += [out.number(velocity, Level(place, top, 1, names={place: p}, block=top.block)) for p in roots]
         between = [_is_inside(out, top, p, self.first, self.last) for p in found]
         places: list[Arg] = [out.assign(top, "select", inside, p, math.inf) for p, inside in zip(found, between, strict=True)]
         if moving:  # 0 for most borders, which do not cross the line: backends may branch there
