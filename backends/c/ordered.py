@@ -1,6 +1,6 @@
 """The order of the operations of a straight line, for processors that begin several of them at once.
 
-    ordered(block, wanted)  ->  the assignments that the wanted names depend on, in another order, and the values that have names in it
+    ordered(block, wanted)  ->  the assignments that the wanted names depend on, in another order, and the last value of each expression
 
 List scheduling (Gibbons and Muchnick, 1986): of the expressions whose operands are there, the one first behind which the longest chain
 follows; where as many values are alive as there are registers, one that ends the life of some. Results do not depend on the order.
@@ -10,65 +10,56 @@ from __future__ import annotations
 
 from bisect import insort
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field
 
 from teg.program import Assign
 
 REGISTERS = 28
-"""Values that are alive at once, about."""
+"""Values that are alive at once, about: four of the 32 registers of eight numbers are left for literals and what is shared."""
 LATENCY, OF_A_QUOTIENT = 4, 14
 """Cycles after which the result of an operation is there."""
 AT_ONCE = 2
 """Operations that begin in a cycle."""
 LOOKED_AT = 32
 """Expressions that may be next, those with the longest chains behind them, among which one is chosen."""
-TOGETHER = 6
-"""Operations of an expression: values that are read once are computed where that is."""
+LONGEST = 3
+"""Operations of an expression. A value that is read once is computed where that is."""
 
 
 @dataclass(slots=True, eq=False)
 class _Expression:
-    """Assignments that are printed as one expression. `behind` is the length of the longest chain from here to the end, in cycles, `there`
-    the cycle in which its operands are."""
+    """Assignments that are printed as one expression. `behind` is the length of the longest chain from here to the end, in cycles; `there`
+    is when its operands are, `missing` and `unread` count those that are not, and the readers that are left."""
 
+    number: int
     lines: list[Assign]
     steps: int
     latency: int
-    operands: list[_Expression] = field(default_factory=list)
+    operands: dict[_Expression, None] = field(default_factory=dict)
     readers: list[_Expression] = field(default_factory=list)
     behind: int = 0
     there: float = 0.0
     missing: int = 0
     unread: int = 0
 
-    def more_alive(self) -> int:
-        """Returns how many more values are alive behind it."""
-        return (self.unread > 0) - sum(operand.unread == 1 for operand in self.operands)
+    def rank(self, now: float, full: bool) -> tuple[float, float, int, int]:
+        """Returns what is least for the expression that is next at a time; if all registers are `full`, one that needs no more of them."""
+        more = (self.unread > 0) - sum(operand.unread == 1 for operand in self.operands)
+        wait = max(0.0, self.there - now)
+        return (more, wait, -self.behind, self.number) if full else (wait, -self.behind, more, self.number)
 
 
-def ordered(block: Sequence[Assign], wanted: Iterable[str]) -> tuple[list[Assign], list[str]]:
+def ordered(block: Sequence[Assign], wanted: Collection[str]) -> tuple[list[Assign], list[str]]:
     """Returns the assignments that the wanted names depend on, an operand before what reads it, and the last value of each expression."""
-    expressions = _expressions(_needed(block, wanted), set(wanted))
-    for e in reversed(expressions):
-        e.behind = e.latency + max((r.behind for r in e.readers), default=0)
-        e.missing, e.unread = len(e.operands), len(e.readers)
-    ready = sorted((-e.behind, i, e) for i, e in enumerate(expressions) if not e.missing)
-    order = {id(e): i for i, e in enumerate(expressions)}
+    expressions = _expressions(_needed(block, wanted), wanted)
+    ready = sorted((-e.behind, e.number, e) for e in expressions if not e.missing)
     lines: list[Assign] = []
     names: list[str] = []
     alive, now = 0, 0.0
     while ready:
-        full = alive >= REGISTERS
-
-        def rank(entry: tuple[int, int, _Expression]) -> tuple[float, float, int, int]:
-            height, i, e = entry
-            wait = max(0.0, e.there - now)
-            return (e.more_alive(), wait, height, i) if full else (wait, height, e.more_alive(), i)
-
-        entry = min(ready[:LOOKED_AT], key=rank)
-        ready.remove(entry)
-        e = entry[2]
+        ranks = [entry[2].rank(now, alive >= REGISTERS) for entry in ready[:LOOKED_AT]]
+        _, _, e = ready.pop(ranks.index(min(ranks)))
         lines += e.lines
         names.append(e.lines[-1].name)
         now = max(now, e.there) + e.steps / AT_ONCE
@@ -76,48 +67,49 @@ def ordered(block: Sequence[Assign], wanted: Iterable[str]) -> tuple[list[Assign
             operand.unread -= 1
             alive -= not operand.unread
         alive += bool(e.readers)
-        for r in e.readers:
-            r.missing -= 1
-            r.there = max(r.there, now + e.latency)
-            if not r.missing:
-                insort(ready, (-r.behind, order[id(r)], r))
+        for reader in e.readers:
+            reader.missing -= 1
+            reader.there = max(reader.there, now + e.latency)
+            if not reader.missing:
+                insort(ready, (-reader.behind, reader.number, reader))
     return lines, names
 
 
-def _expressions(block: Sequence[Assign], wanted: set[str]) -> list[_Expression]:
+def _expressions(block: Sequence[Assign], wanted: Collection[str]) -> list[_Expression]:
     """Returns the assignments as expressions, each behind its operands."""
-    uses = Counter(a for s in block for a in s.args if isinstance(a, str))
-    made: dict[str, _Expression] = {}
+    uses = Counter(a for s in block for a in s.args)
+    made: dict[object, _Expression] = {}
     found: dict[int, _Expression] = {}
-    for s in block:
+    for number, s in enumerate(block):
         steps = max(1, len(s.args) - 1)
-        e = _Expression([], steps, (OF_A_QUOTIENT if s.op == "div" else LATENCY) * steps)
-        for a in dict.fromkeys(a for a in s.args if isinstance(a, str)):
+        e = made[s.name] = found[number] = _Expression(number, [], steps, (OF_A_QUOTIENT if s.op == "div" else LATENCY) * steps)
+        for a in dict.fromkeys(s.args):
             part = made.get(a)
-            if part is None:
-                continue
-            if uses[a] == 1 and a not in wanted and e.steps + part.steps <= TOGETHER:
+            if part is not None and uses[a] == 1 and a not in wanted and e.steps + part.steps <= LONGEST:
                 e.lines += part.lines
                 e.steps += part.steps
                 e.latency += part.latency
-                e.operands += [o for o in part.operands if o not in e.operands]
-                del found[id(part)]
-            elif part not in e.operands:
-                e.operands.append(part)
+                e.operands |= part.operands
+                del found[part.number]
+            elif part is not None:
+                e.operands[part] = None
         e.lines.append(s)
-        made[s.name] = found[id(e)] = e
-    for e in found.values():
+    expressions = list(found.values())
+    for e in expressions:
         for operand in e.operands:
             operand.readers.append(e)
-    return list(found.values())
+    for e in reversed(expressions):
+        e.behind = e.latency + max((reader.behind for reader in e.readers), default=0)
+        e.missing, e.unread = len(e.operands), len(e.readers)
+    return expressions
 
 
 def _needed(block: Sequence[Assign], wanted: Iterable[str]) -> list[Assign]:
     """Returns the assignments that the wanted names depend on, in their order."""
-    live = set(wanted)
+    live: set[object] = set(wanted)
     kept: list[Assign] = []
     for s in reversed(block):
         if s.name in live:
-            live.update(a for a in s.args if isinstance(a, str))
+            live.update(s.args)
             kept.append(s)
     return kept[::-1]

@@ -230,7 +230,7 @@ class _Stages:
         own = [o for o in outputs if o in self.places or o in names]
         block = contracted(block, own, self.exact)
         block, named = ordered(block, [o for o in own if o in names])
-        frame = self._framed(_steps(block), list(dict.fromkeys([*own, *named])), self.places)
+        frame = self._framed(_steps(block), list(dict.fromkeys((*own, *named))), self.places)
         text = frame.block(0)
         return frame.scope(), text
 
