@@ -19,6 +19,7 @@ from teg.backends.c.crossed import BRANCHLESS, SIDE, TOGETHER, Crossed
 from teg.backends.c.frame import Frame, Scope, Spelling, Step, assignments
 from teg.backends.c.items import Item, Nodes, defines, reads
 from teg.backends.c.lane_functions import SELECTIONS, values_in_lanes
+from teg.backends.c.ordered import ordered
 from teg.backends.c.regrouped import alike, regrouped
 from teg.backends.c.text import TRUTH, indent, literal
 from teg.backends.c.text import packed as in_few_lines
@@ -214,8 +215,8 @@ class _Stages:
     def _frame(self, block: Sequence[Assign], wanted: Collection[Arg]) -> tuple[Frame, list[str]]:
         """Returns a block in which names of earlier stages are spelled as arrays, and those of its values that are wanted."""
         given = [s.name for s in block if s.name in wanted]
-        block = _late(contracted(block, given, self.exact), given)
-        return self._framed(_steps(block), given, self.places), given
+        block, names = ordered(contracted(block, given, self.exact), given)
+        return self._framed(_steps(block), names, self.places), given
 
     def _framed(self, steps: list[Step], own: Sequence[Arg], places: dict[str, str], lanes: Collection[Arg] = ()) -> Frame:
         frame = _framed(steps, own, places, lanes)
@@ -228,7 +229,8 @@ class _Stages:
         names = {s.name for s in block}
         own = [o for o in outputs if o in self.places or o in names]
         block = contracted(block, own, self.exact)
-        frame = self._framed(_steps(_late(block, [o for o in own if o in names])), own, self.places)
+        block, named = ordered(block, [o for o in own if o in names])
+        frame = self._framed(_steps(block), list(dict.fromkeys((*own, *named))), self.places)
         text = frame.block(0)
         return frame.scope(), text
 
