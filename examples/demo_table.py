@@ -2,7 +2,8 @@
 
     python -m teg.examples.demo_table                  (all of them with their defaults; --fast: in the small; or the names of some)
 
-Every run is a process of its own; its peak memory is that which the operating system counted for it.
+Every run is a process of its own; its peak memory is that which the operating system counted for it, which is at least that of the process
+that starts it.
 """
 
 from __future__ import annotations

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import resource
 from pathlib import Path
 from typing import Any
 
@@ -41,4 +42,5 @@ def test_a_run_is_measured_in_a_process_of_its_own(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     report, memory = demo_table.measured("auction", "exact", True, tmp_path)
     assert report["demo"] == "auction"
-    assert 20 < memory < 2000
+    own = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024  # a new process begins as a copy of this one
+    assert 20 < memory < max(2000, 1.1 * own)
