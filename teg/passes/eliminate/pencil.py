@@ -12,7 +12,7 @@ excludes D = 0.
 
 P is where the curve meets a side of the box, or else a line through the middle of an ellipse: where it crosses best. Coordinates are those
 in which the box is the square from -1 to 1. Cost: one integral, over a range of twelve arcs. Source: rational parametrisation of conics by
-the pencil of lines through a point (Semple and Kneebone, Algebraic Projective Geometry, 1952, chapter 5).
+the pencil of lines through a point (Semple and Kneebone, Algebraic Projective Geometry, 1952).
 """
 
 from __future__ import annotations
@@ -250,10 +250,8 @@ class _Steps(NamedTuple):
     @classmethod
     def of(cls, frame: _Frame) -> _Steps:
         """Returns those of the arc `ARC`."""
-        (steep, reach, turn), side = (
-            (mul(call("magnitude", frame.h), frame.reach), frame.reach, frame.turn),
-            where(_IS_LEFT, MINUS_ONE, ONE),
-        )
+        reach, turn, side = frame.reach, frame.turn, where(_IS_LEFT, MINUS_ONE, ONE)
+        steep = mul(call("magnitude", frame.h), reach)
         meeting = call("chosen", call("sqrt", mul(steep, turn)))  # the slope at which both arcs between end
         share = div(steep, where(positive(meeting), meeting, ONE))
         nearest = reach, ZERO, reach, ONE, ZERO
