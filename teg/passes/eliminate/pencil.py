@@ -8,7 +8,7 @@
 Near P, w is the length along the curve. Far from it the slope ω = h·w/ν tells places: of two lines (h = 0) the second one. So there are six
 arcs: |w/ν| < r, then r < ±w/ν up to the slope Ω = √(|h|r·K), then Ω < ±ω < K, and |ν/ω| < 1/K. A hyperbola has two branches, on which D > 0
 and D < 0. On an arc of a branch σ, conditions p of degree n are polynomials p·(σD)ⁿ of degree 2n in s. The box, which lies between lines,
-excludes D = 0.
+excludes D = 0, and σD < 0 if it is known which bound is the lower one.
 
 P is where the curve meets a side of the box, or else a line through the middle of an ellipse: where it crosses best. Coordinates are those
 in which the box is the square from -1 to 1. Cost: one integral, over a range of twelve arcs. Source: rational parametrisation of conics by
@@ -26,7 +26,7 @@ from teg.analysis.calculus import slope
 from teg.analysis.half_angle import MAX_DEGREE
 from teg.analysis.nest import Binder, Chain, divided, nest
 from teg.analysis.polynomial import Shadow
-from teg.analysis.surfaces import restrict, signed_inside
+from teg.analysis.surfaces import ordered, restrict, signed_inside
 from teg.errors import NotDifferentiableError
 from teg.ir.expr import MINUS_ONE, ONE, ZERO, Compare, Cond, Expr, Var, const
 from teg.ir.function import Slot
@@ -316,6 +316,8 @@ class _Curve:
         for binder, c, move in zip(self.binders, start, moves, strict=True):
             lo, hi = (sub(cast(Expr, substitute(e, at)), c) for e in (binder.lo, binder.hi))
             value = signed_inside(move, lo, hi, self.g, binder, value)
+        if not all(ordered(binder.lo, binder.hi) for binder in self.binders):  # else places with σD < 0 are between no bounds
+            value = where(positive(mul(_SIGN, _at(steps.whole, s))), value, ZERO)
 
         def algebraic(old: Compare, new: Expr, resolution: Cond | None) -> Cond:
             polynomial = _cleared(old.g, (along, over), steps[:3], _SIGN)

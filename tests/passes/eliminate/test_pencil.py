@@ -126,6 +126,24 @@ def test_conics_of_every_kind(backend: str) -> None:
     assert f(D=[corner, KINDS["nothing"][0], disk]) == pytest.approx(both, abs=1e-12)
 
 
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_bounds_with_parameters(backend: str) -> None:
+    """Of bounds it is not known which is the lower one: reversed, they change the sign."""
+    f = teg.compile(teg.integral(teg.bracket(teg.any(FORM > 0, ALL)), (x, t, 1), (y, 0, 1 - t)), [D, t], backend=backend)
+    assert follows_edges(f)
+    for name, (row, area, slopes_of_row) in KINDS.items():
+        assert f(D=[row], t=0.0) == pytest.approx(area, abs=2e-11), name
+        gradient = f.grad(D=[row], t=0.0)["D"][0] if slopes_of_row else {}
+        assert [gradient[i] for i in slopes_of_row] == pytest.approx(list(slopes_of_row.values()), abs=1e-10), name
+    row = KINDS["hyperbola"][0]  # below x·y < 0.3 in (t, 1)×(0, 1 - t)
+    for at in (0.1, 0.2):
+        corner = 0.3 / (1 - at)
+        inside = (corner - at) * (1 - at) + 0.3 * np.log(1 / corner)
+        assert f(D=[row], t=at) == pytest.approx(inside, abs=1e-12)
+    reversed_ = teg.compile(teg.integral(teg.bracket(teg.any(FORM > 0, ALL)), (x, 1, t), (y, 0, 1 - t)), [D, t], backend=backend)
+    assert reversed_(D=[row], t=0.1) == pytest.approx(-f(D=[row], t=0.1), abs=1e-12)
+
+
 def by_slices(rows: np.ndarray) -> float:
     """The mean value of the site of least A·u² + B·u·v + C·v²: exact along x, at Gauss nodes of many strips along y."""
     nodes, weights = np.polynomial.legendre.leggauss(8)
