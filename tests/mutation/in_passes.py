@@ -275,6 +275,7 @@ IN_PASSES: tuple[Mutant, ...] = (
         "teg/passes/eliminate/pencil.py",
         ("tests/passes/eliminate/test_pencil.py",),
         ("the other branch of a hyperbola", "disjunction(several, positive(mul(_SIGN, first)))", "positive(mul(_SIGN, first))"),
+        ("the other branch between bounds", "if not all(ordered(binder.lo", "if not self.binders and not all(ordered(binder.lo"),
         ("arcs between near and far", "disjunction(negation(is_between), has_between)", "negation(is_between)"),
         (
             "a point of a conic that moves",
