@@ -443,9 +443,8 @@ FUNCTIONS: dict[str, Callable[..., float]] = {
 
 `erfinv` and `erfcinv` are the inverses of erf and erfc, for the roots of conditions.
 `magnitude` is |u| without a surface at u = 0, for weights that cannot vanish. `root` is √u where u >= 0, and a number, not NaN, where
-rounding takes u below 0. `min` and `max` serve interval bounds. `exact` is u
-without its rounding errors, which then decide no tie. `chosen` is the same where any number near u does as well, as the place at which a
-chart starts: its derivative is 0.
+rounding takes u below 0. `min` and `max` serve interval bounds. `exact` is u without its rounding errors, so that these decide no tie.
+`chosen` is the same where any number near u does as well, like the place at which a chart starts: its derivative is 0.
 """
 
 

@@ -44,7 +44,7 @@ OUTSIDE = 1.0 / 64.0
 """How far outside of a side of the box P may be, so that none is missed in a corner."""
 FAVOURS = 1.0, 0.93, 0.87, 0.81, 0.76
 """Factors of the discriminants along lines that are compared: in symmetric scenes rounding would choose."""
-HALF, TWO = const(0.5), const(2.0)
+ONE_HALF, TWO = const(0.5), const(2.0)
 Vector = tuple[Expr, Expr]
 
 
@@ -99,11 +99,15 @@ class _Form(NamedTuple):
     def of(cls, g: Expr, boxes: Sequence[Binder]) -> _Form:
         """Returns that of g on a box."""
         (u, v) = (b.var for b in boxes)
-        m, n = (mul(HALF, add(b.lo, b.hi)) for b in boxes)
-        p, q = (mul(HALF, sub(b.hi, b.lo)) for b in boxes)
+        m, n = (mul(ONE_HALF, add(b.lo, b.hi)) for b in boxes)
+        p, q = (mul(ONE_HALF, sub(b.hi, b.lo)) for b in boxes)
         at = {u: m, v: n}
         level, by_u, by_v = (cast(Expr, substitute(e, at)) for e in (g, slope(g, u), slope(g, v)))
-        entries = (mul(HALF, p, p, slope(slope(g, u), u)), mul(HALF, p, q, slope(slope(g, u), v)), mul(HALF, q, q, slope(slope(g, v), v)))
+        entries = (
+            mul(ONE_HALF, p, p, slope(slope(g, u), u)),
+            mul(ONE_HALF, p, q, slope(slope(g, u), v)),
+            mul(ONE_HALF, q, q, slope(slope(g, v), v)),
+        )
         return cls((m, n), (p, q), level, (mul(p, by_u), mul(q, by_v)), entries)
 
     def slopes_at(self, place: Vector) -> Vector:
@@ -152,7 +156,7 @@ class _Point(NamedTuple):
             better = positive(sub(quality, best))
             best, fixed = call("max", quality, best), where(better, place, fixed)
             is_upright = where(better, ONE if across else ZERO, is_upright)
-        upright = positive(sub(is_upright, HALF))
+        upright = positive(sub(is_upright, ONE_HALF))
         columns = zip(form.line(True, fixed), form.line(False, fixed), strict=True)
         places = _Roots.of([where(upright, p, q) for p, q in columns]).places
         low, high = call("min", *places), call("max", *places)
@@ -190,7 +194,7 @@ def _is_inside(place: Expr) -> Cond:
 _IS_OTHER = positive(sub(ARC, const(5.5)))
 _SIGN = where(_IS_OTHER, MINUS_ONE, ONE)
 _KIND = sub(ARC, where(_IS_OTHER, const(6.0), ZERO))
-_IS_NEAREST, _IS_NEAR, _IS_FARTHEST = positive(sub(HALF, _KIND)), positive(sub(const(2.5), _KIND)), positive(sub(_KIND, const(4.5)))
+_IS_NEAREST, _IS_NEAR, _IS_FARTHEST = positive(sub(ONE_HALF, _KIND)), positive(sub(const(2.5), _KIND)), positive(sub(_KIND, const(4.5)))
 _IS_LEFT = disjunction(*(positive(sub(const(0.25), integer_power(sub(_KIND, const(kind)), 2))) for kind in (2.0, 4.0)))
 
 
@@ -255,9 +259,15 @@ class _Steps(NamedTuple):
         meeting = call("chosen", call("sqrt", mul(steep, turn)))  # the slope at which both arcs between end
         share = div(steep, where(positive(meeting), meeting, ONE))
         nearest = reach, ZERO, reach, ONE, ZERO
-        first = mul(HALF, reach, sub(ONE, share)), mul(side, reach), ZERO, mul(HALF, add(ONE, share)), mul(HALF, sub(ONE, share))
-        half = mul(HALF, sub(turn, meeting))
-        second = half, mul(HALF, side, add(turn, meeting)), mul(side, half), ONE, ZERO
+        first = (
+            mul(ONE_HALF, reach, sub(ONE, share)),
+            mul(side, reach),
+            ZERO,
+            mul(ONE_HALF, add(ONE, share)),
+            mul(ONE_HALF, sub(ONE, share)),
+        )
+        half = mul(ONE_HALF, sub(turn, meeting))
+        second = half, mul(ONE_HALF, side, add(turn, meeting)), mul(side, half), ONE, ZERO
         farthest = turn, turn, ZERO, ZERO, ONE
         of_arcs = zip(nearest, first, second, farthest, strict=True)
         of_arc = (where(_IS_NEAREST, p, where(_IS_NEAR, q, where(_IS_FARTHEST, u, r))) for p, q, r, u in of_arcs)

@@ -114,8 +114,9 @@ def test_conics_of_every_kind(backend: str) -> None:
     f = teg.compile(teg.integral(teg.bracket(teg.any(FORM > 0, ALL)), *BOX), [D], backend=backend)
     assert follows_edges(f)
     for name, (row, area, slopes_of_row) in KINDS.items():
-        assert f(D=[row]) == pytest.approx(area, abs=2e-11), name
-        assert f(D=[[-e for e in row]]) == pytest.approx(0.0 if name == "nothing" else 1 - area, abs=2e-11), name
+        rounding = 2e-11 if name == "line and line" else 1e-12  # adaptive integration to where the lines cross
+        assert f(D=[row]) == pytest.approx(area, abs=rounding), name
+        assert f(D=[[-e for e in row]]) == pytest.approx(0.0 if name == "nothing" else 1 - area, abs=rounding), name
         if slopes_of_row:
             gradient = f.grad(D=[row])["D"][0]
             assert [gradient[i] for i in slopes_of_row] == pytest.approx(list(slopes_of_row.values()), abs=1e-10), name
@@ -132,7 +133,7 @@ def test_bounds_with_parameters(backend: str) -> None:
     f = teg.compile(teg.integral(teg.bracket(teg.any(FORM > 0, ALL)), (x, t, 1), (y, 0, 1 - t)), [D, t], backend=backend)
     assert follows_edges(f)
     for name, (row, area, slopes_of_row) in KINDS.items():
-        assert f(D=[row], t=0.0) == pytest.approx(area, abs=2e-11), name
+        assert f(D=[row], t=0.0) == pytest.approx(area, abs=2e-11 if name == "line and line" else 1e-12), name
         gradient = f.grad(D=[row], t=0.0)["D"][0] if slopes_of_row else {}
         assert [gradient[i] for i in slopes_of_row] == pytest.approx(list(slopes_of_row.values()), abs=1e-10), name
     row = KINDS["hyperbola"][0]  # below x·y < 0.3 in (t, 1)×(0, 1 - t)
