@@ -5,6 +5,7 @@ slope of g, enclosures of both over a box, and a bound on the number of roots, f
 
     polynomial in x of degree n                              n
     Σᵢ Pᵢ(x)·exp(aᵢx + bᵢ), Pᵢ of degree nᵢ                  Σ(nᵢ + 1) - 1             (Pólya and Szegő, part V, problem 75)
+    one or two √ of quadratic polynomials and a polynomial   the degree of what squares make of it
     kinked: |·| of m functions, otherwise one of the above   (3m + 1) times that: at a kink near 0 a root may be found thrice
     anything else                                            `max_roots` of the compilation: with more of them it is made again
 """
@@ -19,6 +20,7 @@ from teg.analysis.calculus import slope
 from teg.analysis.intervals import Enclosure
 from teg.analysis.kinks import is_extreme
 from teg.analysis.polynomial import Shadow
+from teg.analysis.radicals import most_zeros
 from teg.analysis.roots import outermost
 from teg.errors import NotDifferentiableError
 from teg.ir.expr import FALSE, MINUS_ONE, ONE, TRUE, ZERO, Add, Call, Cond, Const, Expr, Mul, Pow, Var, Where, const, has_cut
@@ -346,7 +348,8 @@ def _of_smooth(g: Expr, x: Var) -> int | None:
         weights.append(w)
     poly = Shadow((x, *weights), kinks=True).polynomial(e)
     if poly is None:
-        return None
+        zeros = most_zeros(g, x) if g.free == {x} else None
+        return None if zeros is None else max(1, zeros)
     degrees: dict[tuple[int, ...], int] = {}
     for monomial in poly:
         degrees[monomial[1:]] = max(degrees.get(monomial[1:], 0), monomial[0])

@@ -46,8 +46,11 @@ class Radical(NamedTuple):
 
 def radical(g: Expr) -> Radical | None:
     """Returns an expression as a sum of one or two roots and a polynomial; None if it is none, or depends on one variable alone."""
-    if len(g.free) < 2:
-        return None
+    return radical_in(g) if len(g.free) > 1 else None
+
+
+def radical_in(g: Expr) -> Radical | None:
+    """Returns the same in any number of variables."""
     roots = [n for n in nodes_of(Call, g) if n.free]
     if not 0 < len(roots) <= MOST_ROOTS or any(n.name != "sqrt" for n in roots):
         return None
@@ -64,6 +67,20 @@ def radical(g: Expr) -> Radical | None:
     if any(k.free for k in factors) or not _is_polynomial(rest):
         return None
     return Radical(tuple(Root(k, u) for k, u in zip(factors, under, strict=True) if k is not ZERO), rest)
+
+
+def most_zeros(g: Expr, x: Var) -> int | None:
+    """Returns the largest number of zeros in x: the degree of the polynomial that squares make of it. None if g is no sum of roots."""
+    found = radical_in(g)
+    if found is None or not found.roots or any(r.factor.free for r in found.roots):
+        return None
+    (k, u), *more = found.roots
+    square, rest = mul(integer_power(k, 2), u), integer_power(found.rest, 2)
+    if not more:
+        return Shadow((x,)).degree(sub(square, rest))
+    ((j, w),) = more
+    other = sub(sub(mul(integer_power(j, 2), w), square), rest)
+    return Shadow((x,)).degree(sub(mul(const(4.0), rest, square), integer_power(other, 2)))
 
 
 def _is_polynomial(e: Expr, most: float = math.inf) -> bool:

@@ -24,6 +24,8 @@ HALF = Param.make(f"{APART}half", ())
 ARC = Param.make(f"{APART}arc", ())
 """Which arc of a conic is followed, from 0 to 11: six of the one branch, then those of the other one."""
 ARCS = 12
+SHIFT = Param.make(f"{APART}shift", ())
+"""How far an edge is moved along the inner variable: derivatives by it are taken once, where it is 0."""
 VELOCITIES = Param.make(f"{APART}left moves", ()), Param.make(f"{APART}right moves", ())
 """The velocities of the ends of a gap."""
 

@@ -45,13 +45,12 @@ from teg.ir.operands import as_number, less
 from teg.ir.simplify import add, bracket, call, conjunction, disjunction, integer_power, mul, negation, positive, sub, where
 from teg.ir.still import with_still_parameters
 from teg.ir.traverse import fresh, rewrite_below, substitute
-from teg.ir.uncovered import ARC, ARCS, HALF, TURN, Uncovered, marks_of
+from teg.ir.uncovered import ARC, ARCS, HALF, SHIFT, TURN, Uncovered, marks_of
 from teg.passes.differentiate.gaps import Around, over_gaps, placed
 from teg.passes.normalise.partitions import Refused
 
 Derive = Callable[[Expr, Sequence[Param]], Sequence[Expr]]
 """The derivatives of a scalar expression by parameters, without δ."""
-SHIFT = Param.make(f"{APART}shift", ())
 BEYOND = 0.0291
 """How far beyond a side of the box the line is that ends it, as a part of the length of the box: borders touch it by chance only."""
 NEAR = 1e-9

@@ -36,6 +36,7 @@ from teg.passes.eliminate.bilinear import match_bilinear, rewrite_bilinear
 from teg.passes.eliminate.circle import match_circle, rewrite_circle
 from teg.passes.eliminate.conic import match_conic, match_squares, rewrite_conic
 from teg.passes.eliminate.crossings import match_curve, rewrite_curve
+from teg.passes.eliminate.focal import match_focal, rewrite_focal
 from teg.passes.eliminate.implicit import MAX_CHARTS, Implicit, match_implicit, rewrite_by_formulas, rewrite_implicit
 from teg.passes.eliminate.mapped import user_families
 from teg.passes.eliminate.pencil import match_pencil, rewrite_pencil
@@ -74,7 +75,8 @@ def along_edges(families: Families) -> Families:
     """Returns the families for programs in which candidates cover parts of a curve: where these are ends of arcs, charts by variable have
     no formula for them. Elsewhere the charts by variable are shorter."""
     place = next((i for i, (match, _) in enumerate(families) if match is match_implicit), len(families))
-    return (*families[:place], (match_circle, rewrite_circle), (match_pencil, rewrite_pencil), *families[place:])
+    curves: Families = (match_circle, rewrite_circle), (match_pencil, rewrite_pencil), (match_focal, rewrite_focal)
+    return (*families[:place], *curves, *families[place:])
 
 
 def noted(form: Closed, name: str, remarks: Remarks) -> Closed:

@@ -28,6 +28,7 @@ from teg.ir.simplify import add, bracket, conjunction, disjunction, integer_powe
 from teg.ir.traverse import rebuild, replace_node
 from teg.ir.uncovered import Uncovered
 from teg.passes.normalise.bounded_choices import with_bounds_of_all
+from teg.passes.normalise.increasing import plain_key
 from teg.passes.normalise.padded import at_place, most_of
 from teg.passes.normalise.partitions import MOST_WRITTEN, Refused, partitioned
 from teg.passes.normalise.sums import NeedsLengths
@@ -42,7 +43,7 @@ def without_choices(root: Expr, edges: bool = False) -> Expr:
     """
     if not has_choices(root):
         return root
-    root = rename_indices(_rewritten(with_bounds_of_all(root), _without_brackets))
+    root = rename_indices(_rewritten(with_bounds_of_all(root), _prepared))
     new: dict[Node, Expr] = {}
     for node in postorder([root]):
         if isinstance(node, Integral) and not node.free and has_choices(node, inside=True):
@@ -102,12 +103,24 @@ def _rewritten(root: Expr, change: Callable[[Ranged], Node]) -> Expr:
     return cast(Expr, new[root])
 
 
+def _prepared(node: Ranged) -> Ranged | Expr:
+    match node:
+        case Product():
+            return _without_brackets(node)
+        case Nearest() if node.key.free:
+            value, key, condition, otherwise = node.children
+            plain = plain_key(cast(Expr, key), node.index)
+            return node if plain is key else Nearest.make(node.data, (value, plain, condition, otherwise))
+        case _:
+            return node
+
+
 # -- products of brackets ----------------------------------------------------------------------------------------------
 
 
-def _without_brackets(node: Ranged) -> Ranged | Expr:
+def _without_brackets(node: Product) -> Ranged | Expr:
     """Returns a product of brackets, and of numbers without variables of integration, as a condition on all; others as they are."""
-    if not isinstance(node, Product) or not node.free:
+    if not node.free:
         return node
     conditions: list[Cond] = []
     numbers: list[Expr] = []
