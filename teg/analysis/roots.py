@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import cast
 
 from teg.analysis.calculus import slope
+from teg.analysis.distances import equal_distances
 from teg.analysis.expanded import shorter_form
 from teg.analysis.polynomial import Degrees, Shadow
 from teg.analysis.preimages import is_not_zero, preimages
@@ -97,6 +98,9 @@ def solve(g: Expr, x: Var, lo: Expr, hi: Expr, depth: int = MAX_DEPTH, degrees: 
         normal = shorter_form(g)
         if normal is not None and size(normal) < size(g):
             return solve(normal, x, lo, hi, depth - 1)
+        distances = equal_distances(g, x)
+        if distances is not None:
+            return Roots(tuple(Root(*pair) for pair in distances))
         direct = _inverted(g, x, lo, hi, depth) or _rationalised(g, x, lo, hi, depth)
         if direct is not None:
             return direct
