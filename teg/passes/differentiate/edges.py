@@ -31,6 +31,7 @@ from typing import NamedTuple, cast
 
 from teg.analysis.antiderivative import integrated
 from teg.analysis.calculus import slope
+from teg.analysis.foci import with_common_focus
 from teg.analysis.gates import gates_of
 from teg.analysis.surfaces import atoms_of
 from teg.errors import NotDifferentiableError
@@ -45,7 +46,7 @@ from teg.ir.operands import as_number, less
 from teg.ir.simplify import add, bracket, call, conjunction, disjunction, integer_power, mul, negation, positive, sub, where
 from teg.ir.still import with_still_parameters
 from teg.ir.traverse import fresh, rewrite_below, substitute
-from teg.ir.uncovered import ARC, ARCS, HALF, SHIFT, TURN, Uncovered, marks_of
+from teg.ir.uncovered import ARC, ARCS, HALF, SHIFT, TURN, Uncovered, marks_of, places_of
 from teg.passes.differentiate.gaps import Around, over_gaps, placed
 from teg.passes.normalise.partitions import Refused
 
@@ -108,6 +109,17 @@ def _seen(around: Around, variables: Sequence[Var]) -> Expr:
     return Apply.make((Slot.make((0, n, n, None, (around, tuple(variables))), ()), (0,) * n), tuple(variables))
 
 
+def _seen_beside(node: Uncovered, edge: _Surface, beyond: float) -> Expr:
+    """Returns 1 where no other candidate covers an edge. Borders of distances are told from each other by the focus that they share."""
+    around, variables = _others(node, edge)._replace(beyond=beyond), node.variables
+    if len(variables) != 2 or (shared := with_common_focus(around.condition, edge.g, (variables[0], variables[1]))) is None:
+        return _seen(around, variables)
+    condition, names, focus = shared
+    n = len(variables) + len(names)
+    callee = Slot.make((0, n, n, None, (around._replace(condition=condition), (*variables, *names))), ())
+    return Apply.make((callee, (0,) * n), (*variables, *(call("chosen", e) for e in focus)))
+
+
 def _before(node: Uncovered, x: Var, hi: Expr, length: Expr) -> Around:
     """Returns what covers the places just before the upper bound of the inner variable."""
     beside = _beside(node.condition, node, lambda g: mul(MINUS_ONE, length, _slope(g, x)))
@@ -133,9 +145,8 @@ def edges_of(node: Uncovered, weight: Expr, moved: Param | None = None) -> Itera
         beyond: Cond = surface.atoms[0]
         if moved is not None:
             beyond = cast(Cond, substitute(beyond, {y_x[-1]: add(y_x[-1], moved)}))
-        cell = mul(
-            fixed(mul(weight, side)), _seen(_others(node, surface)._replace(beyond=BEYOND if moved is None else 0.0), y_x), bracket(beyond)
-        )
+        seen = _seen_beside(node, surface, BEYOND if moved is None else 0.0)
+        cell = mul(fixed(mul(weight, side)), seen, bracket(beyond))
         for v, (lo, hi) in reversed(list(zip(y_x, bounds, strict=True))):
             cell = integral_over(cell, v, fixed(lo), fixed(hi))
         counts = disjunction(*gates_of(node.condition, surface.atoms))
@@ -354,7 +365,7 @@ def _covering(mark: Apply) -> Around:
     if any(mark.derivative):
         raise Refused("an edge has no chart")
     around, variables = cast(Slot, mark.callee).data[4]
-    at = dict(zip(variables, mark.children, strict=True))
+    at = dict(zip(variables, places_of(mark), strict=True))
     return Around(around.over, placed(around.condition, at), cast(Expr, substitute(around.tie, at)), placed(around.within, at))
 
 
@@ -367,12 +378,12 @@ def _of_nest(node: Integral, inner: Sequence[Integral], derive: Derive) -> Expr:
         (unmarked,) = replaced([part.body], dict.fromkeys(marks, ZERO))
         variables = (node.var, part.var)
         plain = unmarked is ZERO and not (part.lo.free | part.hi.free) and node.var not in node.lo.free | node.hi.free
-        if not plain or len(marks) != 1 or marks[0].children != variables or any(marks[0].derivative):
+        if not plain or len(marks) != 1 or marks[0].children[:2] != variables or any(marks[0].derivative):
             raise Refused("an integral over two variables is no longer one over a box")
         (body,) = replaced([part.body], {marks[0]: ONE})
         (whole,) = replaced([node.body], {other: body if other is part else ZERO for other in inner})
         around, names = cast(Slot, marks[0].callee).data[4]
-        at = dict(zip(names, variables, strict=True))
+        at = dict(zip(names, places_of(marks[0]), strict=True))
         conditions = (cast(Cond, substitute(c, at)) for c in (around.condition, around.within))
         over = *around.over, variables
         weight = whole if rest is ZERO else sub(whole, rest)

@@ -18,11 +18,10 @@ from dataclasses import dataclass
 from typing import cast
 
 from teg.analysis.calculus import slope
+from teg.analysis.foci import square_of
 from teg.analysis.half_angle import without_denominator
 from teg.analysis.nest import Binder, Chain, divided, nest
-from teg.analysis.polynomial import Shadow, is_null
 from teg.analysis.surfaces import restrict, signed_inside
-from teg.errors import NotDifferentiableError
 from teg.ir.expr import MINUS_ONE, ONE, ZERO, Compare, Cond, Const, Expr, Var, const
 from teg.ir.integral import integral_over
 from teg.ir.simplify import add, call, conjunction, disjunction, div, integer_power, mul, positive, sub, where
@@ -55,20 +54,6 @@ def match_circle(g: Expr, variables: Sequence[Var]) -> Circle | None:
     if len(mine) != 2 or (lead := square_of(g, (mine[0], mine[1]))) is None or isinstance(lead, Const):
         return None
     return Circle((mine[1], mine[0]))
-
-
-def square_of(g: Expr, variables: tuple[Var, Var]) -> Expr | None:
-    """Returns A of a function A·(x² + y²) + (terms of degree 1), which depends on parameters only; None for others."""
-    degree = Shadow(variables).degree(g)
-    if degree is None or degree > 2:
-        return None
-    x, y = variables
-    try:
-        a, b, c = slope(slope(g, x), x), slope(slope(g, x), y), slope(slope(g, y), y)
-    except NotDifferentiableError:
-        return None
-    round_ = not (a.free | b.free | c.free) and is_null(b) and is_null(sub(a, c))
-    return mul(const(0.5), a) if round_ else None
 
 
 def rewrite_circle(g: Expr, coefficient: Expr, chain: Chain, data: Circle) -> Expr | None:

@@ -11,7 +11,7 @@ from teg.ir.function import Apply, Slot
 from teg.ir.node import Node
 from teg.ir.simplify import positive
 from teg.ir.traverse import fresh, rewrite_below
-from teg.ir.uncovered import marks_of
+from teg.ir.uncovered import marks_of, places_of
 
 Moved = Callable[[Expr, Sequence[Var], Sequence[Var]], Expr]
 """A function of the variables of a place, as one with the same sign of the terms of a chart."""
@@ -22,14 +22,14 @@ def with_conditions_at(value: Expr, at: Sequence[Expr], moved: Moved, terms: Seq
     found: dict[Node, Expr] = {}
     for mark in marks_of(value):
         around, names = cast(Slot, mark.callee).data[4]
-        if mark.children == tuple(at):
+        if (arguments := places_of(mark))[: len(at)] == tuple(at):
             about: list[Var] = []
             for _ in terms:
                 about.append(fresh("term", [*names, *about]))
             condition, within = (_moved(c, names, about, moved) for c in (around.condition, around.within))
             n = len(names) + len(about)
             callee = Slot.make((0, n, n, None, (around._replace(condition=condition, within=within), (*names, *about))), ())
-            found[mark] = Apply.make((callee, (0,) * n), (*at, *terms))
+            found[mark] = Apply.make((callee, (0,) * n), (*arguments, *terms))
     return replaced([value], found)[0]
 
 
