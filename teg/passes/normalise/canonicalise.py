@@ -114,6 +114,10 @@ class Canonical:
 
     # -- atoms ---------------------------------------------------------------------------------------------------------
 
+    def atom(self, g: Expr, strict: bool) -> Cond:
+        """Returns the condition that a function is positive, by canonical atoms."""
+        return self._atom(g, strict, MAX_HOISTED)
+
     def _atom(self, g: Expr, strict: bool, hoists: int) -> Cond:
         inner = inner_condition(g) if hoists else None
         if inner is not None:

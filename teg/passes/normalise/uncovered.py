@@ -28,6 +28,7 @@ from teg.ir.simplify import add, call, conjunction, disjunction, integer_power, 
 from teg.ir.still import has_still, with_still_parameters
 from teg.ir.traverse import rewrite, substitute
 from teg.ir.uncovered import Uncovered
+from teg.passes.normalise.canonicalise import Canonical
 from teg.passes.normalise.partitions import NOTHING as NO_FORM
 from teg.passes.normalise.partitions import Choice, Refused, one_choice
 
@@ -75,7 +76,8 @@ def _term(body: Expr, bounds: Bounds) -> Expr:
     if any(isinstance(n, Integral | Sum) and n.free for n in postorder([body])):
         raise Refused("an integral or a sum stands beside it")
     choice = one_choice(indices_apart(body))
-    choice = choice._replace(condition=_without_zeros(choice.condition, [x for x, _, _ in bounds]))
+    variables = [x for x, _, _ in bounds]
+    choice = choice._replace(condition=_without_zeros(_with_polynomials(choice.condition, variables), variables))
     if isinstance(choice.over, AnyOf):
         free = _uncovered(_range_of(choice), choice.condition, sub(choice.value, choice.otherwise), bounds)
         return add(_nest(choice.value, bounds), mul(MINUS_ONE, free))
@@ -102,6 +104,19 @@ def _of_nearest(choice: Choice, bounds: Bounds) -> Expr:
     whole = _uncovered((j, over.lo, over.hi), covers, value, bounds, cast(Cond, cast(Node, condition)))
     total = sum_over(whole, k, over.lo, over.hi)
     return add(total, _otherwise(choice, bounds))
+
+
+def _with_polynomials(condition: Cond, variables: Sequence[Var]) -> Cond:
+    """Returns a condition with polynomials where other functions of variables can be written so: a distance below a radius is a disk."""
+    shadow, symbols, canonical = Shadow(tuple(variables)), Symbols(), Canonical()
+    (cell,) = symbols.into([cast(Expr, condition)])
+
+    def visit(old: Node, new: Node) -> Node:
+        if not isinstance(old, Compare) or old.free.isdisjoint(variables) or shadow.degree(old.g) is not None:
+            return new
+        return canonical.atom(old.g, old.strict)
+
+    return cast(Cond, symbols.out_of([cast(Expr, rewrite([cell], visit)[cell])])[0])
 
 
 def _without_zeros(condition: Cond, variables: Sequence[Var]) -> Cond:
