@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from functools import lru_cache
 from typing import cast
 
 from teg.analysis.calculus import slope
@@ -120,6 +121,7 @@ def comes_first(a: Expr, b: Expr) -> bool:
     return digest(a) < digest(b)
 
 
+@lru_cache(maxsize=256)  # one surface is met at many places, and may be long
 def _tie_name(g: Expr) -> str:
     return show(g, 300) + " = 0"
 
