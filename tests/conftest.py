@@ -12,6 +12,7 @@ import os
 import sys
 import weakref
 from collections.abc import Generator, Iterator
+from importlib import metadata
 from math import inf
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,21 @@ from teg.backends.c import build, kernel
 from teg.evaluator import kernels, plan
 
 os.environ.setdefault("JAX_DISABLE_MOST_OPTIMIZATIONS", "1")  # read when JAX is imported
+EMITTERS = "xla_cpu_use_fusion_emitters"
+"""XLA's way by MLIR to LLVM's text. Without it XLA compiles in 0.4 of the time; `make thorough` has it, as users do."""
+
+
+def _with_jax_of(first: tuple[int, int], last: tuple[int, int]) -> bool:
+    """Returns whether JAX is there, in a version from `first` to `last`: XLA ends the process at a flag that it does not know."""
+    try:
+        version = metadata.version("jaxlib")
+    except metadata.PackageNotFoundError:
+        return False
+    return first <= tuple(int(part) for part in version.split(".")[:2]) <= last
+
+
+if _with_jax_of((0, 8), (0, 10)):
+    os.environ.setdefault("XLA_FLAGS", f"--{EMITTERS}=false")  # read when JAX compiles for the first time
 QUICK_IN_JAX = (
     "backends/jax/test_kernel.py",
     "backends/jax/test_isolate.py::test_where_roots_are_not_asked_for_there_are_none",
@@ -171,6 +187,12 @@ def x64() -> Iterator[None]:
     jax.config.update("jax_enable_x64", True)
     yield
     jax.config.update("jax_enable_x64", before)
+
+
+@pytest.fixture(scope="session")
+def as_users_jit() -> dict[str, bool]:
+    """Options of XLA with which a test that looks at the text of compiled programs has those of users."""
+    return {EMITTERS: True} if os.environ.get("XLA_FLAGS") == f"--{EMITTERS}=false" else {}
 
 
 @pytest.fixture
