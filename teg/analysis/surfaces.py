@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from functools import cache
 from typing import cast
 
 from teg.analysis.calculus import slope
@@ -154,6 +155,7 @@ def restrict(e: Expr, at: Mapping[Var, Expr], surface: Expr, directions: Sequenc
     """
     e, inner = _apart_from_twins(e, at, surface)
     zeros: list[ZeroSet] = []
+    named = cache(_tie_name)  # for this call
 
     def is_annulled(other: Expr) -> bool:
         if not zeros:
@@ -163,7 +165,7 @@ def restrict(e: Expr, at: Mapping[Var, Expr], surface: Expr, directions: Sequenc
     def mark(old: Compare, g: Expr, resolution: Cond | None) -> Cond:
         if resolution is not None or old.g is surface:
             return positive(g, old.strict, resolution, old.rivals)
-        twin = as_twin(old.g, surface, inner, (_tie_name(surface), _tie_name(old.g)))
+        twin = as_twin(old.g, surface, inner, (named(surface), named(old.g)))
         if twin is not None:
             return cast(Cond, substitute(twin, at))
         if not _may_coincide(old.g, inner):
@@ -174,7 +176,7 @@ def restrict(e: Expr, at: Mapping[Var, Expr], surface: Expr, directions: Sequenc
         truth = negation(rising) if comes_first(surface, old.g) else rising
         if not (surface.has_integral or old.g.has_integral or _are_planes(old.g, surface)) and is_annulled(old.g):
             g = ZERO  # one surface in two forms: a tie everywhere, so its rounded value must not decide
-        return positive(g, old.strict, truth, (_tie_name(surface), _tie_name(old.g)))
+        return positive(g, old.strict, truth, (named(surface), named(old.g)))
 
     return Keys().without_null_roots(cast(Expr, substitute(e, at, mark)))
 
