@@ -24,7 +24,8 @@ from teg.evaluator import kernels, plan
 
 os.environ.setdefault("JAX_DISABLE_MOST_OPTIMIZATIONS", "1")  # read when JAX is imported
 EMITTERS = "xla_cpu_use_fusion_emitters"
-"""XLA's way by MLIR to LLVM's text. Without it XLA compiles in 0.4 of the time; `make thorough` has it, as users do."""
+"""XLA's way by MLIR to LLVM's text, that the options of a function of JAX turn off (`teg.backends.jax.options`). Programs of tests that
+users would jit without these compile in half of the time so; `make thorough` compiles them as users do."""
 
 
 def _with_jax_of(first: tuple[int, int], last: tuple[int, int]) -> bool:
