@@ -59,7 +59,7 @@ THOROUGH, SLOW = _names("thorough.txt"), _names("slow.txt")
 
 AS_RELEASED = kernel.OPTIMISATION, build.OPTIMISE, build.MACHINE
 """The C compiler's flags when no test has changed them."""
-QUICKLY = ("-O0", "-fno-asynchronous-unwind-tables", "-pipe", *(("-nodefaultlibs",) if sys.platform == "linux" else ()))
+QUICKLY = ("-O0", "-fno-asynchronous-unwind-tables", "-pipe", *(("-nostdlib",) if sys.platform == "linux" else ()))
 """Flags with which GCC and clang take the least time. On Linux the process itself has the C library: a linker that need not look for
 it saves a tenth."""
 
