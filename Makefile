@@ -27,7 +27,7 @@ test: $(READY)
 	$(BIN)/python -m pytest $(PARALLEL) -m "not thorough"
 
 thorough: $(READY)
-	TEG_EXAMPLES=4 $(BIN)/python -m pytest $(PARALLEL)
+	TEG_EXAMPLES=4 XLA_FLAGS= $(BIN)/python -m pytest $(PARALLEL)
 
 fast: $(READY)
 	$(BIN)/python -m pytest $(PARALLEL) -m "not slow"

@@ -12,6 +12,7 @@ import os
 import sys
 import weakref
 from collections.abc import Generator, Iterator
+from importlib import metadata
 from math import inf
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,22 @@ from teg.backends.c import build, kernel
 from teg.evaluator import kernels, plan
 
 os.environ.setdefault("JAX_DISABLE_MOST_OPTIMIZATIONS", "1")  # read when JAX is imported
+EMITTERS = "xla_cpu_use_fusion_emitters"
+"""XLA's way by MLIR to LLVM's text, that the options of a function of JAX turn off (`teg.backends.jax.options`). Programs of tests that
+users would jit without these compile in half of the time so; `make thorough` compiles them as users do."""
+
+
+def _with_jax_of(first: tuple[int, int], last: tuple[int, int]) -> bool:
+    """Returns whether JAX is there, in a version from `first` to `last`: XLA ends the process at a flag that it does not know."""
+    try:
+        version = metadata.version("jaxlib")
+    except metadata.PackageNotFoundError:
+        return False
+    return first <= tuple(int(part) for part in version.split(".")[:2]) <= last
+
+
+if _with_jax_of((0, 8), (0, 10)):
+    os.environ.setdefault("XLA_FLAGS", f"--{EMITTERS}=false")  # read when JAX compiles for the first time
 QUICK_IN_JAX = (
     "backends/jax/test_kernel.py",
     "backends/jax/test_isolate.py::test_where_roots_are_not_asked_for_there_are_none",
@@ -42,7 +59,7 @@ THOROUGH, SLOW = _names("thorough.txt"), _names("slow.txt")
 
 AS_RELEASED = kernel.OPTIMISATION, build.OPTIMISE, build.MACHINE
 """The C compiler's flags when no test has changed them."""
-QUICKLY = ("-O0", "-fno-asynchronous-unwind-tables", "-pipe", *(("-nodefaultlibs",) if sys.platform == "linux" else ()))
+QUICKLY = ("-O0", "-fno-asynchronous-unwind-tables", "-pipe", *(("-nostdlib",) if sys.platform == "linux" else ()))
 """Flags with which GCC and clang take the least time. On Linux the process itself has the C library: a linker that need not look for
 it saves a tenth."""
 
@@ -171,6 +188,12 @@ def x64() -> Iterator[None]:
     jax.config.update("jax_enable_x64", True)
     yield
     jax.config.update("jax_enable_x64", before)
+
+
+@pytest.fixture(scope="session")
+def as_users_jit() -> dict[str, bool]:
+    """Options of XLA with which a test that looks at the text of compiled programs has those of users."""
+    return {EMITTERS: True} if os.environ.get("XLA_FLAGS") == f"--{EMITTERS}=false" else {}
 
 
 @pytest.fixture

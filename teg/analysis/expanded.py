@@ -191,10 +191,12 @@ def _product(a: Form, b: Form, limit: int) -> Form | None:
     out: Form = {}
     for m1, c1 in a.items():
         for m2, c2 in b.items():
-            powers = dict(m1)
-            for i, k in m2:
-                powers[i] = powers.get(i, 0) + k
-            m = tuple(sorted((i, k) for i, k in powers.items() if k))
+            m = m1 or m2
+            if m1 and m2:
+                powers = dict(m1)
+                for i, k in m2:
+                    powers[i] = powers.get(i, 0) + k
+                m = tuple(sorted([(i, k) for i, k in powers.items() if k]))
             out[m] = out.get(m, 0) + c1 * c2
     return {m: c for m, c in out.items() if c} if len(out) <= limit else None
 

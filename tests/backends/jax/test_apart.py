@@ -81,7 +81,7 @@ def test_a_call_is_made_on_cpus_only() -> None:
     assert "teg_apart" not in str(exported.mlir_module())
 
 
-def test_the_values_of_a_search_are_computed_once(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_values_of_a_search_are_computed_once(monkeypatch: pytest.MonkeyPatch, as_users_jit: dict[str, bool]) -> None:
     """Each turn of a search updates some thirty arrays by the same decisions: 205 products in all, 768 where XLA copies them."""
     import teg
     from teg.backends.jax import derivative
@@ -91,7 +91,7 @@ def test_the_values_of_a_search_are_computed_once(monkeypatch: pytest.MonkeyPatc
 
     def products() -> int:
         f = teg.jax_function(e, kernel="xla")
-        return str(jax.jit(lambda s: f(t=s)).lower(0.5).compile().as_text()).count(" multiply(")
+        return str(jax.jit(lambda s: f(t=s)).lower(0.5).compile(as_users_jit).as_text()).count(" multiply(")
 
     kept = products()
     monkeypatch.setattr(derivative, "once", lambda function: function)

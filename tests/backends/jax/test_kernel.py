@@ -159,7 +159,7 @@ def test_pieces_at_their_end_are_looked_at_nowhere() -> None:
 
 @pytest.mark.usefixtures("x64")
 @pytest.mark.parametrize("level", [0, 3])
-def test_quotients_are_rounded_once(level: int) -> None:
+def test_quotients_are_rounded_once(level: int, as_users_jit: dict[str, bool]) -> None:
     """XLA multiplies by reciprocals and joins quotients: x/3.28, x/√y and (x/y)/w differ in the last bit for a third of all numbers."""
     x, y, w = np.random.default_rng(0).random((3, 4096))
     zero = np.float64(-0.0)
@@ -171,7 +171,7 @@ def test_quotients_are_rounded_once(level: int) -> None:
         one = quotient(x, 3.28, zero)
         return [one, one + y, quotient(x, jax.numpy.sqrt(y), zero), quotient(quotient(x, y, zero), w, zero)]
 
-    options = {"xla_backend_optimization_level": level, "xla_llvm_disable_expensive_passes": level == 0}
+    options = {"xla_backend_optimization_level": level, "xla_llvm_disable_expensive_passes": level == 0, **as_users_jit}
     found = jax.jit(several, compiler_options=options)(x, y, w, zero)
     for one, exact in zip(found, [x / 3.28, x / 3.28 + y, x / np.sqrt(y), x / y / w], strict=True):
         np.testing.assert_array_equal(one, exact)

@@ -84,7 +84,7 @@ def test_in_single_precision_and_of_several_types_nothing_is_joined() -> None:
     assert operations(joined(lambda a, b: [a / b, b / a], a, b), "div") == 2
 
 
-def test_the_boundary_of_a_disk_in_a_box_divides_less_often(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_boundary_of_a_disk_in_a_box_divides_less_often(monkeypatch: pytest.MonkeyPatch, as_users_jit: dict[str, bool]) -> None:
     """Its crossings with the sides are roots of quadratics."""
     import teg
 
@@ -93,7 +93,7 @@ def test_the_boundary_of_a_disk_in_a_box_divides_less_often(monkeypatch: pytest.
     e = teg.integral(teg.bracket((x - c) ** 2 + y * y < r * r), (x, -1, 1), (y, -1, 1))
 
     def compiled() -> tuple[int, int, list[float]]:
-        run = jax.jit(jax.grad(teg.jax_function(e, kernel="xla"))).lower({"r": 0.8, "c": 0.4}).compile()
+        run = jax.jit(jax.grad(teg.jax_function(e, kernel="xla"))).lower({"r": 0.8, "c": 0.4}).compile(as_users_jit)
         text = str(run.as_text())
         return text.count(" divide("), text.count(" fusion("), jax.tree.leaves(run({"r": 0.8, "c": 0.4}))
 

@@ -95,7 +95,7 @@ def test_most_stout_triangles_are_good_and_none_outside_of_the_box_is_bad() -> N
 
 
 @pytest.mark.parametrize("name", ["one colour", *(pytest.param(name, marks=pytest.mark.slow) for name in ("linear", "half-planes"))])
-def test_the_line_is_few_kernels_in_which_nothing_is_repeated(name: str) -> None:
+def test_the_line_is_few_kernels_in_which_nothing_is_repeated(name: str, as_users_jit: dict[str, bool]) -> None:
     """One of quotients and one of everything else, and what makes truth values and the like of their results."""
     program = program_of(name)
     line: Any = compile_jax(program)._straight
@@ -106,7 +106,7 @@ def test_the_line_is_few_kernels_in_which_nothing_is_repeated(name: str) -> None
 
     def products(function: Any) -> tuple[int, int]:
         columns = [np.full(16, 0.5) for _ in program.parameters]
-        text = jax.jit(jax.vmap(function)).lower(*columns).compile().as_text()
+        text = jax.jit(jax.vmap(function)).lower(*columns).compile(as_users_jit).as_text()
         return text.count(" multiply("), text.count("kind=kLoop")
 
     once, kernels = products(lambda *scalars: together(results, *scalars))

@@ -83,21 +83,21 @@ def test_zeros_have_their_signs_and_nan_stays() -> None:
             np.testing.assert_array_equal(np.signbit(values)[numbers], np.signbit(expected)[numbers])
 
 
-def test_no_operation_is_repeated() -> None:
+def test_no_operation_is_repeated(as_users_jit: dict[str, bool]) -> None:
     a, b = arguments(64)
-    found = jax.jit(jax.vmap(lambda u, v: with_kernels(u, v, "chained"))).lower(a, b).compile().as_text()
-    plain = jax.jit(jax.vmap(chained)).lower(a, b).compile().as_text()
+    found = jax.jit(jax.vmap(lambda u, v: with_kernels(u, v, "chained"))).lower(a, b).compile(as_users_jit).as_text()
+    plain = jax.jit(jax.vmap(chained)).lower(a, b).compile(as_users_jit).as_text()
     assert len(re.findall(r" maximum\(", found)) == LENGTH
     assert len(re.findall(r" maximum\(", plain)) == LENGTH * RESULTS
     assert len(re.findall(r"kind=kLoop", found)) == 1
 
 
-def test_quotients_are_results_of_one_kernel_in_front() -> None:
+def test_quotients_are_results_of_one_kernel_in_front(as_users_jit: dict[str, bool]) -> None:
     def function(a: Any, b: Any) -> list[Any]:
         inverse = [1.0 / (a + k) for k in range(5)]
         return [b * v + w for v in inverse for w in inverse[:3]]
 
-    found = jax.jit(jax.vmap(lambda u, v: together(function, u, v))).lower(*arguments(64)).compile().as_text()
+    found = jax.jit(jax.vmap(lambda u, v: together(function, u, v))).lower(*arguments(64)).compile(as_users_jit).as_text()
     assert len(re.findall(r" divide\(", found)) == 5
     assert len(re.findall(r"kind=kLoop", found)) == 2
 
