@@ -96,9 +96,12 @@ def test_an_array_that_a_program_does_not_read(gone: str, backend: Any) -> None:
     f = teg.compile(e, [V, s], backend=backend)
     at = {"V": [0.2, 0.7], "s": 3.0}
     value, gradient = f.value_and_grad(at)
-    assert value == pytest.approx(1.5) and gradient["V"].tolist() == [0.0, 0.0] and gradient["s"] == pytest.approx(0.5)
+    assert value == pytest.approx(1.5)
+    assert gradient["V"].tolist() == [0.0, 0.0]
+    assert gradient["s"] == pytest.approx(0.5)
     assert f.hvp(at, at)["V"].tolist() == [0.0, 0.0]
     assert f.jvp(at, at) == (pytest.approx(1.5), pytest.approx(1.5))
     assert f.nodes(at)[1].sum() == pytest.approx(1.5)
-    assert "V" in f.parameters and str(teg.explain(e, [V, s]))
+    assert "V" in f.parameters
+    assert str(teg.explain(e, [V, s]))
     assert teg.compile(e, V, backend=backend).grad(at)["V"].tolist() == [0.0, 0.0]
