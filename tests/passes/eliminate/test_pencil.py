@@ -127,6 +127,38 @@ def test_conics_of_every_kind(backend: str) -> None:
     assert f(D=[corner, KINDS["nothing"][0], disk]) == pytest.approx(both, abs=1e-12)
 
 
+def double_lines(number: int, seed: int) -> np.ndarray:
+    """Returns rows of (p·x + q·y - r)², lines through the box, with the rounding of each coefficient."""
+    generator = np.random.default_rng(seed)
+    p, q = generator.normal(size=(2, number))
+    p[::4], q[::4] = 1.0, -1.0
+    r = p * generator.uniform(0.2, 0.8, number) + q * generator.uniform(0.2, 0.8, number)
+    return np.stack([p * p, 2 * p * q, q * q, -2 * p * r, -2 * q * r, r * r], axis=1)
+
+
+def points(number: int, seed: int) -> np.ndarray:
+    """Returns rows of definite forms about points of the box."""
+    m, n, a, b, c = random_ellipses(number, seed).T
+    return np.stack([a, b, c, -2 * a * m - b * n, -2 * c * n - b * m, a * m * m + b * m * n + c * n * n], axis=1)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("rows", [double_lines, points])
+def test_curves_that_are_double_lines_or_points(rows: Any, backend: str) -> None:
+    """Where the square of a line is positive is everything, where it is negative nothing, beside others and alone."""
+    disk, area = [-1.0, 0.0, -1.0, 0.9, 1.1, 0.09 - 0.505], 0.09 * np.pi
+    union, common = (teg.compile(teg.integral(teg.bracket(c(FORM > 0, ALL)), *BOX), [D], backend=backend) for c in (teg.any, teg.all))
+    for row in rows(8, seed=0):
+        for f, sign, expected in ((union, -1, area), (union, 1, 1.0), (common, -1, 0.0), (common, 1, area)):
+            for scene in ([sign * row, disk], [disk, sign * row]):
+                assert f(D=scene) == pytest.approx(expected, abs=1e-9)
+        assert union(D=[row]) == pytest.approx(1.0, abs=1e-9)
+        assert union(D=[-row]) == pytest.approx(0.0, abs=1e-9)
+        gradient = union.grad(D=[-row, disk])["D"]
+        assert gradient[0] == pytest.approx(np.zeros(6), abs=1e-9)
+        assert gradient[1][5] == pytest.approx(np.pi, abs=1e-6)
+
+
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_bounds_with_parameters(backend: str) -> None:
     """Of bounds it is not known which is the lower one: reversed, they change the sign."""
