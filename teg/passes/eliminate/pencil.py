@@ -42,7 +42,7 @@ DEFINITE = 1e-12
 """The least hγ - β², relative to the squares of all three, of a curve that has one branch only."""
 OUTSIDE = 1.0 / 64.0
 """How far outside of a side of the box P may be, so that none is missed in a corner."""
-ROUNDING = 2.0**-49
+ROUNDING = 2.0**-47
 """The least discriminant along a line, relative to what it is computed from: in one that is less the curve is a double line or a point."""
 FAVOURS = 1.0, 0.93, 0.87, 0.81, 0.76
 """Factors of the discriminants along lines that are compared: in symmetric scenes rounding would choose."""
