@@ -23,15 +23,15 @@ from teg.evaluator.options import (
     Machine,
     Options,
     checked_dtype,
+    parameters_of,
     rule_for,
 )
-from teg.ir.arrays import has_arrays
 from teg.ir.creation import is_created
 from teg.ir.expr import Operand, Tuple
 from teg.ir.operands import as_number
-from teg.language.checks import check_parameters, check_program
+from teg.language.checks import check_program
 from teg.maps.diffeomorphism import Diffeomorphism
-from teg.passes.differentiate.through_sums import Parameter, parameters_and_arrays
+from teg.passes.differentiate.through_sums import Parameter
 from teg.pipeline import estimator_for
 
 
@@ -123,7 +123,7 @@ def compile(
     options = Options(machine, integration, inaccurate, precision, jumps, functions)
     if parameters is None:
         return Evaluator(program, None, options)
-    return Evaluator(program, (parameters_and_arrays if has_arrays(program) else check_parameters)(parameters), options)
+    return Evaluator(program, parameters_of(program, parameters), options)
 
 
 def evaluate(e: Operand, values: Mapping[Any, Any] | None = None, *, backend: Backend = "numpy", **values_and_options: Any) -> Any:

@@ -73,7 +73,7 @@ class Evaluator:
     def __init__(
         self, e: Expr, wrt: Sequence[Parameter] | None, options: Options, order: tuple[Sequence[Param | ArrayName], int] | None = None
     ) -> None:
-        self._loops = has_arrays(e)
+        self._loops = has_arrays(e) or any(isinstance(p, ArrayName) for p in wrt or ())
         if self._loops:
             check_indices(e)
         self.expression = write_all_out(e) if self._loops else e

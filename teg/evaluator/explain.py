@@ -10,7 +10,7 @@ from teg.analysis.bodies import write_all_out
 from teg.analysis.isolation import MAX_ROOTS
 from teg.analysis.settings import Integration, Rule
 from teg.errors import OptionError
-from teg.evaluator.options import Discontinuities
+from teg.evaluator.options import Discontinuities, parameters_of
 from teg.evaluator.plan import ORDERS, Derivation, Task, followed
 from teg.ir.arrays import Array, arrays_of, has_arrays, integer_parameters, integers_of
 from teg.ir.cells import check_indices, replace_integers
@@ -19,9 +19,9 @@ from teg.ir.index import Index, Length, index_const, index_leaves
 from teg.ir.node import postorder
 from teg.ir.operands import as_number
 from teg.ir.traverse import parameters
-from teg.language.checks import check_parameters, check_program
+from teg.language.checks import check_program
 from teg.maps.diffeomorphism import Diffeomorphism
-from teg.passes.differentiate.through_sums import Parameter, outlined, parameters_and_arrays
+from teg.passes.differentiate.through_sums import Parameter, outlined
 from teg.passes.normalise.padded import ranges_of_data, with_most
 from teg.passes.normalise.sums import NeedsLengths
 from teg.pipeline import estimator_for
@@ -69,7 +69,7 @@ def explain(
     asked = Asked(how, estimator_for(discontinuities, how=how), maps, checked_derivatives(derivatives))
     if wrt is None:
         return explained(e, None, asked)
-    return explained(e, (parameters_and_arrays if has_arrays(e) else check_parameters)(wrt), asked)
+    return explained(e, parameters_of(e, wrt), asked)
 
 
 def checked_derivatives(derivatives: int) -> int:
@@ -81,7 +81,7 @@ def checked_derivatives(derivatives: int) -> int:
 
 def explained(e: Expr, wrt: Sequence[Parameter] | None, asked: Asked) -> Explanation:
     """Returns the explanation of a program that is differentiated by some parameters (default: all)."""
-    if not has_arrays(e):
+    if not (has_arrays(e) or any(isinstance(p, Array) for p in wrt or ())):
         return explain_cell(e, cast("Sequence[Param]", parameters(e) if wrt is None else wrt), asked)
     e = write_all_out(e)
     check_indices(e)

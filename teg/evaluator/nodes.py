@@ -80,7 +80,8 @@ class NodeFinder:
             self._unit, self._shift = Array.make((mark + by.name, by.dimensions), ()), Param.make(mark, ())
             e, leaves, by = shifted(e, by, self._shift, self._unit), [*leaves, self._shift, self._unit], self._shift
         self._probed, self.variables = with_unknown_factor(e)
-        self._by, self._options, self._leaves, self._loops = by, options, leaves, has_arrays(e)
+        self._by, self._options, self._leaves = by, options, leaves
+        self._loops = has_arrays(e) or any(isinstance(p, ArrayName) for p in leaves)
         self._how = replace(options.integration, intrinsics=False)
         self._plans: Kept[tuple[object, ...] | None, Plan] = Kept()
         self._counting: Kept[None, Counting] = Kept(1)

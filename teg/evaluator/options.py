@@ -7,9 +7,13 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias, cast, get
 
 from teg.analysis.settings import DEFAULT_TOL, Integration, is_whole
 from teg.errors import EstimatorError, OptionError
+from teg.ir.arrays import Array, has_arrays
+from teg.ir.expr import Expr
+from teg.language.checks import check_parameters
 from teg.maps.diffeomorphism import Diffeomorphism, checked_maps
 from teg.passes.differentiate.estimators.estimator import Estimator
 from teg.passes.differentiate.estimators.exact import Exact
+from teg.passes.differentiate.through_sums import Parameter, parameters_and_arrays
 from teg.pipeline import estimator_for
 
 if TYPE_CHECKING:
@@ -96,6 +100,12 @@ def rule_for(estimator: Estimator, backend: str, rule: str, order: int | None, s
         hint = 'rule="montecarlo" and rule="qmc" sample; every discontinuities= but "exact" does so unless a rule is given'
         raise OptionError(f"samples={samples!r} has no meaning here: the rule {rule!r} does not sample", None, hint)
     return rule, samples
+
+
+def parameters_of(e: Expr, wrt: object) -> Sequence[Parameter]:
+    """Returns a user's list of parameters of a program. Arrays that the program does not read may be among them. Raises ParameterError."""
+    has_array = isinstance(wrt, Array) or (isinstance(wrt, list | tuple) and any(isinstance(p, Array) for p in wrt))
+    return parameters_and_arrays(wrt) if has_array or has_arrays(e) else check_parameters(wrt)
 
 
 def checked_dtype(dtype: object) -> str:

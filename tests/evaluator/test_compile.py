@@ -84,3 +84,24 @@ def test_texts_of_the_objects() -> None:
 def test_texts_of_functions_of_jax() -> None:
     pytest.importorskip("jax")
     assert repr(teg.jax_function(AREA, [t, a])) == "<teg.jax_function(t, a) of ∫[x: 0..1] [x < t]·(a·x + 1)>"
+
+
+@pytest.mark.parametrize("backend", ["numpy", "c"])
+@pytest.mark.parametrize("gone", ["never written", "a condition and its opposite"])
+def test_an_array_that_a_program_does_not_read(gone: str, backend: Any) -> None:
+    """Parameters may be listed that a program does not have, and so may arrays, also where it has no others."""
+    V, k, s, z = teg.array("V"), teg.index("k"), teg.param("s"), teg.var("z")
+    inside = teg.any(z < V[k], (k, 0, teg.length(V)))
+    e = teg.integral(s * z + (teg.bracket(inside & ~inside) if gone != "never written" else 0.0), (z, 0, 1))
+    f = teg.compile(e, [V, s], backend=backend)
+    at = {"V": [0.2, 0.7], "s": 3.0}
+    value, gradient = f.value_and_grad(at)
+    assert value == pytest.approx(1.5)
+    assert gradient["V"].tolist() == [0.0, 0.0]
+    assert gradient["s"] == pytest.approx(0.5)
+    assert f.hvp(at, at)["V"].tolist() == [0.0, 0.0]
+    assert f.jvp(at, at) == (pytest.approx(1.5), pytest.approx(1.5))
+    assert f.nodes(at)[1].sum() == pytest.approx(1.5)
+    assert "V" in f.parameters
+    assert str(teg.explain(e, [V, s]))
+    assert teg.compile(e, V, backend=backend).grad(at)["V"].tolist() == [0.0, 0.0]

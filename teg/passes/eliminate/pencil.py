@@ -28,7 +28,7 @@ from teg.analysis.nest import Binder, Chain, divided, nest
 from teg.analysis.polynomial import Shadow
 from teg.analysis.surfaces import ordered, restrict, signed_inside
 from teg.errors import NotDifferentiableError
-from teg.ir.expr import MINUS_ONE, ONE, ZERO, Compare, Cond, Expr, Var, const
+from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Compare, Cond, Expr, Var, const
 from teg.ir.function import Slot
 from teg.ir.integral import integral_over
 from teg.ir.simplify import add, call, conjunction, disjunction, div, integer_power, mul, negation, positive, sub, where
@@ -42,6 +42,8 @@ DEFINITE = 1e-12
 """The least hγ - β², relative to the squares of all three, of a curve that has one branch only."""
 OUTSIDE = 1.0 / 64.0
 """How far outside of a side of the box P may be, so that none is missed in a corner."""
+ROUNDING = 2.0**-47
+"""The least discriminant along a line, relative to what it is computed from: in one that is less the curve is a double line or a point."""
 FAVOURS = 1.0, 0.93, 0.87, 0.81, 0.76
 """Factors of the discriminants along lines that are compared: in symmetric scenes rounding would choose."""
 ONE_HALF, TWO = const(0.5), const(2.0)
@@ -87,13 +89,15 @@ def rewrite_pencil(g: Expr, coefficient: Expr, chain: Chain, data: Pencil) -> Ex
 
 
 class _Form(NamedTuple):
-    """level + slopes·z + zᵀMz in the coordinates z = (place - middle)/half of both variables; M by (00, 01, 11)."""
+    """level + slopes·z + zᵀMz in the coordinates z = (place - middle)/half of both variables; M by (00, 01, 11). `sizes` are those of the
+    terms of level and slopes."""
 
     middle: Vector
     half: Vector
     level: Expr
     slopes: Vector
     entries: tuple[Expr, Expr, Expr]
+    sizes: tuple[Expr, Expr, Expr]
 
     @classmethod
     def of(cls, g: Expr, boxes: Sequence[Binder]) -> _Form:
@@ -108,7 +112,8 @@ class _Form(NamedTuple):
             mul(ONE_HALF, p, q, slope(slope(g, u), v)),
             mul(ONE_HALF, q, q, slope(slope(g, v), v)),
         )
-        return cls((m, n), (p, q), level, (mul(p, by_u), mul(q, by_v)), entries)
+        sizes = _size(level), mul(call("magnitude", p), _size(by_u)), mul(call("magnitude", q), _size(by_v))
+        return cls((m, n), (p, q), level, (mul(p, by_u), mul(q, by_v)), entries, sizes)
 
     def slopes_at(self, place: Vector) -> Vector:
         """Returns the gradient at a place."""
@@ -131,6 +136,18 @@ class _Form(NamedTuple):
         (s, r), (a, c) = (self.slopes, (a, c)) if across else (self.slopes[::-1], (c, a))
         return c, add(r, mul(TWO, b, place)), add(self.level, mul(s, place), mul(a, place, place))
 
+    def least_square(self, across: bool) -> Expr:
+        """Returns a bound of the error of the discriminant along such a line through the box."""
+        a, b, c = (call("magnitude", e) for e in self.entries)
+        level, s, r = self.sizes
+        (s, r), (a, c) = ((s, r), (a, c)) if across else ((r, s), (c, a))
+        return mul(const(ROUNDING), add(integer_power(add(r, mul(TWO, b)), 2), mul(const(4.0), c, add(level, s, a))))
+
+
+def _size(e: Expr) -> Expr:
+    """Returns the sum of the magnitudes of the terms of a sum."""
+    return add(*(call("magnitude", term) for term in (e.children if isinstance(e, Add) else (e,))))
+
 
 class _Point(NamedTuple):
     """A point of a curve in the box, and whether there is one."""
@@ -150,9 +167,11 @@ class _Point(NamedTuple):
         best: Expr = const(-1.0)
         is_upright: Expr = ZERO
         fixed: Expr = ZERO
+        least = {across: form.least_square(across) for across in (True, False)}
         for favour, (across, place) in zip(FAVOURS, lines, strict=True):
             roots = _Roots.of(form.line(across, place))
-            quality = where(disjunction(*map(_is_inside, roots.places)), mul(const(favour), roots.square), const(-1.0))
+            crosses = conjunction(disjunction(*map(_is_inside, roots.places)), positive(sub(roots.square, least[across])))
+            quality = where(crosses, mul(const(favour), roots.square), const(-1.0))
             better = positive(sub(quality, best))
             best, fixed = call("max", quality, best), where(better, place, fixed)
             is_upright = where(better, ONE if across else ZERO, is_upright)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Any
 
 import numpy as np
@@ -125,6 +126,38 @@ def test_conics_of_every_kind(backend: str) -> None:
     corner, disk = [0.0, -1.0, 0.0, 0.0, 0.0, 0.01], [-1.0, 0.0, -1.0, 1.4, 1.4, 0.04 - 0.98]
     both = 0.01 - 0.01 * np.log(0.01) + 0.04 * np.pi
     assert f(D=[corner, KINDS["nothing"][0], disk]) == pytest.approx(both, abs=1e-12)
+
+
+def double_lines(number: int, seed: int) -> np.ndarray:
+    """Returns rows of (p·x + q·y - r)², lines through the box, with the rounding of each coefficient."""
+    generator = np.random.default_rng(seed)
+    p, q = generator.normal(size=(2, number))
+    p[::4], q[::4] = 1.0, -1.0
+    r = p * generator.uniform(0.2, 0.8, number) + q * generator.uniform(0.2, 0.8, number)
+    return np.stack([p * p, 2 * p * q, q * q, -2 * p * r, -2 * q * r, r * r], axis=1)
+
+
+def points(number: int, seed: int) -> np.ndarray:
+    """Returns rows of definite forms about points of the box."""
+    m, n, a, b, c = random_ellipses(number, seed).T
+    return np.stack([a, b, c, -2 * a * m - b * n, -2 * c * n - b * m, a * m * m + b * m * n + c * n * n], axis=1)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("rows", [double_lines, points])
+def test_curves_that_are_double_lines_or_points(rows: Any, backend: str) -> None:
+    """Where the square of a line is positive is everything, where it is negative nothing; a call that finds no number says so."""
+    disk, area = [-1.0, 0.0, -1.0, 0.9, 1.1, 0.09 - 0.505], 0.09 * np.pi
+    union = teg.compile(teg.integral(teg.bracket(teg.any(FORM > 0, ALL)), *BOX), [D], backend=backend)
+    silent = 0
+    for row in rows(5, seed=1):
+        for scene, expected in (([-row, disk], area), ([disk, -row], area), ([row, disk], 1.0), ([row], 1.0), ([-row], 0.0)):
+            with warnings.catch_warnings(record=True) as warned:
+                warnings.simplefilter("always", teg.AccuracyWarning)
+                value = union(D=scene)
+            silent += not warned
+            assert warned or value == pytest.approx(expected, abs=1e-9)
+    assert silent >= 20
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
