@@ -94,44 +94,37 @@ class _Entry(weakref.ref[Node]):
 
 _table: dict[tuple[type[Node], Any, tuple[Node, ...]], _Entry] = {}
 _lock = threading.RLock()
-_set_data, _set_children, _set_digest, _set_free, _set_kinds, _set_delta, _set_integral = (
-    getattr(Node, name).__set__ for name in ("data", "children", "_digest", "free", "kinds", "has_delta", "has_integral")
-)
-"""What writes an attribute of a new node: a node itself does not let it be written."""
 
 
 def _interned(key: tuple[type[Node], Any, tuple[Node, ...]]) -> Node:
     """Returns the one node of a key, made if there is none."""
-    cls, data, children = key
-    node = object.__new__(cls)
-    _set_data(node, data)
-    _set_children(node, children)
-    _set_digest(node, None)
-    _set_free(node, node._free_variables())
-    kinds = node._own_kinds()
-    for c in children:
-        kinds |= c.kinds
-    _set_kinds(node, kinds)
-    _set_delta(node, kinds & _DELTA != 0)
-    _set_integral(node, kinds & _INTEGRAL != 0)
-    entry = _Entry(node, _forget)
-    entry.key = key
     with _lock:
-        there = _table.setdefault(key, entry)
-        if there is not entry:
-            other = there()
-            if other is not None:  # made by another thread meanwhile
-                return other
-            _table[key] = entry
+        entry = _table.get(key)
+        node = None if entry is None else entry()
+        if node is None:
+            cls, data, children = key
+            node = object.__new__(cls)
+            fix = object.__setattr__
+            fix(node, "data", data)
+            fix(node, "children", children)
+            fix(node, "_digest", None)
+            fix(node, "free", node._free_variables())
+            kinds = node._own_kinds()
+            for c in children:
+                kinds |= c.kinds
+            fix(node, "kinds", kinds)
+            fix(node, "has_delta", kinds & _DELTA != 0)
+            fix(node, "has_integral", kinds & _INTEGRAL != 0)
+            _table[key] = entry = _Entry(node, _forget)
+            entry.key = key
     return node
 
 
 def _forget(entry: _Entry, table: dict[Any, _Entry] = _table, lock: threading.RLock = _lock) -> None:
     """Removes a dead node from the table, unless its key has another one by now. Works while Python shuts down, without globals."""
     with lock:
-        there = table.pop(entry.key, entry)
-        if there is not entry:
-            table[entry.key] = there
+        if table.get(entry.key) is entry:
+            del table[entry.key]
 
 
 def union(sets: list[frozenset[Any]]) -> frozenset[Any]:
