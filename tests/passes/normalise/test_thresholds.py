@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 
 import teg
@@ -13,6 +14,7 @@ from teg.ir.node import postorder
 from teg.ir.simplify import call
 from teg.passes.normalise.canonicalise import Canonical, canonicalise
 from teg.passes.normalise.thresholds import threshold
+from tests.passes.differentiate.candidates import follows_edges
 
 x, y = teg.vars("x y")
 t, a, b = teg.params("t a b")
@@ -104,3 +106,42 @@ def test_functions_that_move_with_the_level() -> None:
     assert f.grad(t=0.8, a=0.3) == pytest.approx({"t": 1.6 / root, "a": -0.6 / root}, rel=1e-12)
     h = f.hessian(t=0.8, a=0.3)
     assert [h["t", "t"], h["t", "a"]] == pytest.approx([-2 * 0.09 / root**3, 2 * 0.8 * 0.3 / root**3], rel=1e-11)
+
+
+def _regions() -> list[tuple[teg.Cond, teg.Cond]]:
+    """Regions of candidates with other functions, and the same as polynomials."""
+    D, k = teg.array("D", 2), teg.index("k")
+    u, v, r = x - D[k, 0], y - D[k, 1], D[k, 2]
+    square = u**2 + v**2
+    distance, disk = teg.sqrt(square), square < r**2
+    return [
+        (distance < r, disk & (r > 0)),
+        (~(distance >= r), disk & (r > 0)),
+        (square**0.75 < teg.sqrt(r**3), disk & (r > 0)),
+        (teg.exp(-square / r**2) > math.exp(-1.0), disk),
+        (teg.log(square) < teg.log(r**2), disk),
+        (teg.sqrt((u / r) ** 2 + (2 * v / r) ** 2) < 1, u**2 + 4 * v**2 < r**2),
+        ((distance < r) & (distance > 0.5 * r), disk & (square > 0.25 * r**2) & (r > 0)),
+        (abs(v) < r - u**2, (v < r - u**2) & (-v < r - u**2)),
+    ]
+
+
+@pytest.mark.parametrize("number", range(8))
+def test_regions_of_candidates(number: int) -> None:
+    """However many: they are followed along edges, as those of polynomials are."""
+    D, k = teg.array("D", 2), teg.index("k")
+    rows = np.random.default_rng(number).uniform(0.05, 0.3, (12, 3))
+    rows[:, :2] = np.random.default_rng(number + 1).random((12, 2))
+    results = []
+    for region in _regions()[number]:
+        covered = teg.integral(teg.bracket(teg.any(region, (k, 0, teg.length(D)))) * (1 + x), (x, 0, 1), (y, 0, 1))
+        f = teg.compile(covered, [D])
+        assert follows_edges(f)
+        results.append(f.value_and_grad(D=rows))
+    (value, gradient), (expected, slopes) = results
+    assert value == pytest.approx(expected, abs=1e-12)
+    assert gradient["D"] == pytest.approx(slopes["D"], abs=1e-8)
+    at = (np.arange(1000) + 0.5) / 1000
+    if number == 0:
+        inside = np.any([np.hypot(at[:, None] - a, at[None, :] - b) < r for a, b, r in rows], axis=0)
+        assert value == pytest.approx((inside * (1 + at[:, None])).mean(), abs=1e-4)
