@@ -17,6 +17,7 @@ from teg.examples.soft_shadow import run as shadow
 from tests.bench.rows import Row, empty_cache
 from tests.bench.scenes import cut_cells
 from tests.examples.clipped_scenes import clipped_pixel, clipped_share, over_lens, over_time
+from tests.references import distance_sites
 from tests.references.disks import slopes_of_layers, slopes_of_union
 from tests.references.ellipses import random_ellipses
 from tests.references.ellipses import slopes_of_union as slopes_of_ellipses
@@ -33,7 +34,7 @@ def many_rows() -> list[Row]:
         mesh = occlusion.Scene(512, 10_000, "c")
         rows = [mesh_row(mesh), mesh_row(occlusion.Scene(1024, 100_000, "c"), mesh.evaluator)]
         rows += [shadow_row(64, 1000), transport_row(1000), cells_row(32)]
-        rows += [union_row(300), ellipses_row(300), painting_row(60), sites_row(40), disks_row(64, 60)]
+        rows += [union_row(300), ellipses_row(300), painting_row(60), sites_row(40), arrivals_row(40), disks_row(64, 60)]
         return [*rows, blur_row("motion-blur", 64), blur_row("depth-of-field", 32)]
 
 
@@ -189,6 +190,28 @@ def sites_row(sites: int) -> Row:
     direction = {"D": np.random.default_rng(1).normal(size=rows.shape)}
     name = f"{sites} sites with weights"
     return row(name, sites**2, evaluator, {"D": rows}, lambda: float(np.abs(evaluator.grad(D=rows)["D"][:, :3] - exact).max()), direction)
+
+
+def arrivals_row(sites: int) -> Row:
+    """The mean value of the site of least |z - c| - v, with branches of hyperbolas as borders; the error is that of the derivative along a
+    direction, beside differences of order 8."""
+    D, k = teg.array("D", 2), teg.index("k")
+    x, y = teg.vars("x y")
+    key = teg.sqrt((x - D[k, 0]) ** 2 + (y - D[k, 1]) ** 2) - D[k, 2]
+    mean = teg.integral(teg.nearest(D[k, 3] * (1 + x * y), key, (k, 0, teg.length(D, 0))), (x, 0, 1), (y, 0, 1))
+    evaluator = teg.compile(mean, [D], backend="c")
+    rows = distance_sites.random_sites(sites, 1)
+    direction = np.random.default_rng(1).normal(size=rows.shape)
+    exact = distance_sites.slope_along(rows, direction)
+    name = f"{sites} sites by distance and a number"
+    return row(
+        name,
+        sites**2,
+        evaluator,
+        {"D": rows},
+        lambda: abs(float((evaluator.grad(D=rows)["D"] * direction).sum() - exact)),
+        {"D": direction},
+    )
 
 
 def disks_row(size: int, disks: int) -> Row:
