@@ -272,6 +272,30 @@ IN_PASSES: tuple[Mutant, ...] = (
         ("bases along an ellipse", "symbols.get(node)", "None"),
     ),
     *mutants(
+        "teg/passes/normalise/increasing.py",
+        ("tests/passes/normalise/test_increasing.py",),
+        ("a decreasing function", "_Inside(e.children[0], rises=False)", "_Inside(e.children[0])"),
+        ("what only some candidates share", "if k in opened[c]]) == 1", "if c.free]) == 1"),
+        ("a function outside of its domain", 'INCREASING_FROM.get(e.name, math.inf)', "-INCREASING_FROM.get(e.name, -math.inf)"),
+    ),
+    *mutants(
+        "teg/passes/eliminate/focal.py",
+        ("tests/passes/eliminate/test_focal.py",),
+        ("borders that never meet", "add(mul(where(meets, ONE, ZERO), crossing), where(meets, ZERO, MINUS_ONE))", "crossing"),
+        ("the density along a branch", "add(radius, self.border.shift)", "radius"),
+        ("a site that is nearer everywhere", "where(positive(border.opened), ", "where(positive(const(1.0)), "),
+    ),
+    *mutants(
+        "teg/ir/uncovered.py",
+        ("tests/passes/eliminate/test_focal.py",),
+        ("how fast a shared focus moves", 'isinstance(e, Call) and e.name == "chosen"', "isinstance(e, Cond)"),
+    ),
+    *mutants(
+        "teg/passes/normalise/uncovered.py",
+        ("tests/passes/normalise/test_thresholds.py",),
+        ("regions with other functions than polynomials", "return canonical.atom(old.g, old.strict)", "return new"),
+    ),
+    *mutants(
         "teg/passes/eliminate/pencil.py",
         ("tests/passes/eliminate/test_pencil.py",),
         ("the other branch of a hyperbola", "disjunction(several, positive(mul(_SIGN, first)))", "positive(mul(_SIGN, first))"),

@@ -80,6 +80,8 @@ def test_degenerate_sites(backend: str) -> None:
     value, gradient = f.value_and_grad(D=beaten)
     assert value == pytest.approx(mean(np.array(beaten)), abs=1e-12)
     assert np.array_equal(gradient["D"][0], np.zeros(4))  # another site is nearer everywhere
+    near = [[0.5, 0.5, 0.2, 1.0], [0.52, 0.5, 0.0, 2.0], [0.6, 0.5, 0.22, 3.0]]  # without a border of the second one
+    assert f(D=near) == pytest.approx(mean(np.array(near)), abs=1e-12)
     corners = [[0.5, 0.5, 0.2, 1.0], [0.0, 0.0, 0.0, 2.0], [1.0, 0.0, 0.0, 3.0], [0.0, 1.0, 0.0, 5.0], [1.0, 1.0, 0.0, 7.0]]
     assert f(D=corners) == pytest.approx(mean(np.array(corners)), abs=1e-11)
     around = [[0.25, 0.25, 0.1, 1.0], [0.25, 0.75, 0.1, 2.0], [0.75, 0.25, 0.1, 3.0], [0.75, 0.75, 0.1, 4.0]]
