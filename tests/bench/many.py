@@ -202,7 +202,7 @@ def arrivals_row(sites: int) -> Row:
     evaluator = teg.compile(mean, [D], backend="c")
     rows = distance_sites.random_sites(sites, 1)
     direction = np.random.default_rng(1).normal(size=rows.shape)
-    exact = distance_sites.slope_along(rows, direction)
+    exact = distance_sites.slope_along(rows, direction, 1e-5)
     name = f"{sites} sites by distance and a number"
     return row(
         name,

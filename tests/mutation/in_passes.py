@@ -276,7 +276,7 @@ IN_PASSES: tuple[Mutant, ...] = (
         ("tests/passes/normalise/test_increasing.py",),
         ("a decreasing function", "_Inside(e.children[0], rises=False)", "_Inside(e.children[0])"),
         ("what only some candidates share", "if k in opened[c]]) == 1", "if c.free]) == 1"),
-        ("a function outside of its domain", 'INCREASING_FROM.get(e.name, math.inf)', "-INCREASING_FROM.get(e.name, -math.inf)"),
+        ("a function outside of its domain", "INCREASING_FROM.get(e.name, math.inf)", "-INCREASING_FROM.get(e.name, -math.inf)"),
     ),
     *mutants(
         "teg/passes/eliminate/focal.py",
