@@ -25,7 +25,7 @@ from teg.ir.function import Apply
 from teg.ir.integral import Integral
 from teg.ir.node import Node, nodes_of, postorder
 from teg.ir.simplify import add, conjunction, disjunction, mul, negation, positive
-from teg.ir.traverse import replace_node, rewrite
+from teg.ir.traverse import replace_node, rewrite, rewrite_below
 
 MOST_ATOMS = 64
 FEW_ATOMS = 12
@@ -43,14 +43,14 @@ def with_affine_atoms(condition: Cond) -> Cond:
         return condition
     symbols, kinks = Symbols(), Kinks()
 
-    def visit(_: Node, node: Node) -> Node:
+    def replacement(node: Node) -> Node | None:  # from the outside: a condition that decides an extreme must be known as such
         if isinstance(node, Compare) and node.resolution is None and node.free and kinks_of(node.g):
-            return written_out(node, kinks)
-        return node
+            return cast(Node, written_out(node, kinks))
+        return None
 
     (cell,) = symbols.into([cast(Expr, cast(Node, condition))])
     for _ in range(MOST_DEPTH):
-        before, cell = cell, cast(Expr, rewrite([cell], visit)[cell])
+        before, cell = cell, cast(Expr, rewrite_below([cell], replacement)[cell])
         if cell is before:
             break
     return cast(Cond, cast(Node, symbols.out_of([cell])[0]))

@@ -31,6 +31,7 @@ from teg.ir.uncovered import Uncovered
 from teg.passes.normalise.canonicalise import Canonical
 from teg.passes.normalise.partitions import NOTHING as NO_FORM
 from teg.passes.normalise.partitions import Choice, Refused, one_choice
+from teg.passes.normalise.piecewise import with_affine_atoms
 
 PLACES = (0.2137, 0.3719), (0.5773, 0.8419), (0.8081, 0.1253)
 """Where in a box it is looked at whether two keys are the same function, as parts of its lengths."""
@@ -77,7 +78,8 @@ def _term(body: Expr, bounds: Bounds) -> Expr:
         raise Refused("an integral or a sum stands beside it")
     choice = one_choice(indices_apart(body))
     variables = [x for x, _, _ in bounds]
-    choice = choice._replace(condition=_without_zeros(_with_polynomials(choice.condition, variables), variables))
+    condition = _with_polynomials(with_affine_atoms(choice.condition), variables)
+    choice = choice._replace(condition=_without_zeros(condition, variables))
     if isinstance(choice.over, AnyOf):
         free = _uncovered(_range_of(choice), choice.condition, sub(choice.value, choice.otherwise), bounds)
         return add(_nest(choice.value, bounds), mul(MINUS_ONE, free))

@@ -217,3 +217,21 @@ def test_products_of_brackets_over_lists(backend: str) -> None:
     np.testing.assert_allclose(gradient["C"][1], [[1, 0], [1, 0], [0, 0]], atol=1e-14)
     moved = [[0, 0.35 * 0.58], [-c[0, 1] * c[1, 1], 0.3 * 0.58 + 0.2 * 0.2], [-c[1, 1] * c[2, 1], 0.35 * 0.2]]
     np.testing.assert_allclose(gradient["C"][2], moved, atol=1e-14)
+
+
+@pytest.mark.parametrize("backend", ["c", "numpy"])
+def test_squares_by_their_largest_coordinate(backend: str) -> None:
+    """A condition that decides a maximum of sizes has sizes itself: it is no border. One exact program serves any number of squares."""
+    S, k = teg.array("S", 2), teg.index("k")
+    u, v = teg.vars("u v")
+    inside = teg.maximum(abs(u - S[k, 0]), abs(v - S[k, 1])) < S[k, 2]
+    f = teg.compile(teg.integral(teg.bracket(teg.any(inside, (k, 0, teg.length(S)))), (u, 0, 1), (v, 0, 1)), [S], backend=backend)
+    value, gradient = f.value_and_grad(S=[[0.3, 0.3, 0.1], [0.4, 0.4, 0.1]])
+    assert value == pytest.approx(0.07, abs=1e-14)
+    assert gradient["S"][:, 2] == pytest.approx([0.6, 0.6], abs=1e-13)  # of each border 0.2 are hidden
+    assert gradient["S"][:, 0] == pytest.approx([-0.1, 0.1], abs=1e-13)
+    rows = np.c_[np.random.default_rng(0).random((12, 2)), np.full(12, 0.1)]
+    edges = [np.unique(np.clip(np.r_[0, 1, rows[:, axis] - 0.1, rows[:, axis] + 0.1], 0, 1)) for axis in (0, 1)]
+    middles = [0.5 * (e[1:] + e[:-1]) for e in edges]
+    covered = np.any([np.maximum(abs(middles[0][:, None] - a), abs(middles[1] - b)) < r for a, b, r in rows], axis=0)
+    assert f(S=rows) == pytest.approx(np.diff(edges[0]) @ covered @ np.diff(edges[1]), abs=1e-13)

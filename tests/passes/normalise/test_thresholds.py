@@ -123,10 +123,12 @@ def _regions() -> list[tuple[teg.Cond, teg.Cond]]:
         (teg.sqrt((u / r) ** 2 + (2 * v / r) ** 2) < 1, u**2 + 4 * v**2 < r**2),
         ((distance < r) & (distance > 0.5 * r), disk & (square > 0.25 * r**2) & (r > 0)),
         (abs(v) < r - u**2, (v < r - u**2) & (-v < r - u**2)),
+        (abs(distance - r) < 0.25 * r, (square < (1.25 * r) ** 2) & (square > (0.75 * r) ** 2) & (r > 0)),
+        (teg.maximum(distance - r, u) < 0, disk & (u < 0) & (r > 0)),
     ]
 
 
-@pytest.mark.parametrize("number", range(8))
+@pytest.mark.parametrize("number", range(10))
 def test_regions_of_candidates(number: int) -> None:
     """However many: they are followed along edges, as those of polynomials are."""
     D, k = teg.array("D", 2), teg.index("k")
