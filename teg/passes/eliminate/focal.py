@@ -95,7 +95,7 @@ class _Curve:
         steps = mul(r, e[0]), mul(r, e[1])
         at = {x: add(p, step) for x, p, step in zip((u, v), self.border.focus, steps, strict=True)}
         value = restrict(self.coefficient, at, self.g, (v, u))
-        value = with_conditions_at(value, (at[u], at[v]), _on_border, (*e, opened, ahead))
+        value = with_conditions_at(value, (at[u], at[v]), _on_border, (*self.border.focus, *e, opened, ahead))
         for b, p, step in zip(self.binders, self.border.focus, steps, strict=True):
             lo, hi = (sub(cast(Expr, substitute(bound, at)), p) for bound in (b.lo, b.hi))
             value = signed_inside(step, lo, hi, self.g, b, value)
@@ -123,10 +123,10 @@ def _turned(e: Vector, turn: Vector) -> Vector:
 
 def _on_border(g: Expr, variables: Sequence[Var], at: Sequence[Var]) -> Expr:
     """Returns a function on a border, as one of the direction from its focus: times a power of M if it is a polynomial, and linear if it is
-    a border about the same focus. `variables` are those of the place, then those of the focus; `at` has the direction, N and M."""
-    (u, v, *focus), (*e, opened, ahead) = variables, at
+    a border about the same focus. `variables` are those of the place, then those of a focus that all share; `at` has p, e, N and M."""
+    (u, v, *common), (focus, e, (opened, ahead)) = variables, (at[:2], at[2:4], at[4:])
     for other in borders_of(g, (u, v)) or ():
-        if list(other.focus) == focus:
+        if list(other.focus) == common:
             crossing = sub(mul(opened, other.ahead((e[0], e[1]))), mul(other.opened, ahead))
             meets = disjunction(positive(other.opened), positive(other.shift))  # else |z - q'| - c' is the larger one everywhere
             return mul(other.scale, add(mul(where(meets, ONE, ZERO), crossing), where(meets, ZERO, MINUS_ONE)))

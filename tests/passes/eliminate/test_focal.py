@@ -132,3 +132,19 @@ def test_where_lines_are() -> None:
     step = 1e-5
     ahead, behind = (float(f(D=rows + s * step * direction)) for s in (1, -1))
     assert (gradient["D"] * direction).sum() == pytest.approx((ahead - behind) / (2 * step), abs=1e-6)
+
+
+def test_borders_that_share_no_focus() -> None:
+    """Regions |z - p| - |z - q| > c with foci of their own are written out."""
+    near, far = (teg.sqrt((x - D[k, i]) ** 2 + (y - D[k, i + 1]) ** 2) for i in (0, 2))
+    f = teg.compile(teg.integral(teg.bracket(teg.any(near - far > D[k, 4], ALL)), *BOX), [D])
+    rows = np.array([[0.2, 0.3, 0.7, 0.6, 0.1], [0.9, 0.1, 0.3, 0.8, 0.4]])
+    direction = np.random.default_rng(1).standard_normal(rows.shape)
+    at = (np.arange(1000) + 0.5) / 1000
+    u, v = np.meshgrid(at, at)
+    inside = [np.hypot(u - p, v - q) - np.hypot(u - r, v - s) > c for p, q, r, s, c in rows]
+    value, gradient = f.value_and_grad(D=rows)
+    assert value == pytest.approx(np.any(inside, axis=0).mean(), abs=1e-4)
+    step = 1e-4
+    ahead, behind = (float(f(D=rows + s * step * direction)) for s in (1, -1))
+    assert (gradient["D"] * direction).sum() == pytest.approx((ahead - behind) / (2 * step), abs=1e-6)
