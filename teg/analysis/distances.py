@@ -23,6 +23,17 @@ from teg.ir.expr import MINUS_ONE, ONE, ZERO, Cond, Const, Expr, Var, const
 from teg.ir.simplify import add, call, conjunction, div, integer_power, mul, positive, sub, where
 from teg.ir.traverse import substitute
 
+LARGE = 1e50
+"""A quotient that is larger counts as this: no difference of two distances is."""
+
+
+def bounded_quotient(number: Expr, scale: Expr) -> Expr:
+    """Returns number/scale, or LARGE where that is larger, as at a scale of 0."""
+    if isinstance(scale, Const):
+        return div(number, scale)
+    fits = positive(sub(mul(const(LARGE), call("magnitude", scale)), call("magnitude", number)))
+    return where(fits, div(number, where(fits, scale, ONE)), const(LARGE))
+
 
 def equal_distances(g: Expr, x: Var) -> list[tuple[Expr, Cond]] | None:
     """Returns the roots in x of a difference of two distances and a number, each with the condition under which it is one; None for other
@@ -34,7 +45,7 @@ def equal_distances(g: Expr, x: Var) -> list[tuple[Expr, Cond]] | None:
     lead = _lead(u, x)
     if lead is None or x not in u.free or not (is_null(add(k, j)) and _lead(w, x) is lead):
         return None
-    shift = div(found.rest, k)
+    shift = bounded_quotient(found.rest, k)
     middle = mul(const(-0.5 / lead.data), cast(Expr, substitute(slope(u, x), {x: ZERO})))
     square, other = (cast(Expr, substitute(e, {x: middle})) for e in (u, w))
     height = mul(const(1.0 / lead.data), square)  # h²

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import NamedTuple, cast
 
 from teg.analysis.calculus import slope
+from teg.analysis.distances import bounded_quotient
 from teg.analysis.polynomial import Shadow, is_null
 from teg.analysis.radicals import radical
 from teg.analysis.surfaces import atoms_of
@@ -52,14 +53,13 @@ def borders_of(g: Expr, variables: tuple[Var, Var]) -> tuple[Border, Border] | N
     lead, other = square_of(u, variables), square_of(w, variables)
     if lead is None or other is None or not (is_null(add(k, j)) and is_null(sub(lead, other))):
         return None
-    foci = [_centre(under, lead, variables) for under in (u, w)]
-    p, q = foci
+    p, q = (_centre(under, lead, variables) for under in (u, w))
     if p is None or q is None:
         return None
     scale = mul(k, call("sqrt", lead))
     apart = sub(q[0], p[0]), sub(q[1], p[1])
     back = mul(MINUS_ONE, apart[0]), mul(MINUS_ONE, apart[1])
-    shift = div(found.rest, scale)
+    shift = bounded_quotient(found.rest, scale)
     return Border(scale, p, apart, shift), Border(mul(MINUS_ONE, scale), q, back, mul(MINUS_ONE, shift))
 
 

@@ -31,7 +31,7 @@ def in_half_angle(p: Expr, c: Var, s: Var, half: Expr) -> Expr | None:
             p, degree = on_circle, 1
     t, z = fresh("t", p.free), fresh("z", p.free)  # z = 1/(1 + t²)
     rational = cast(Expr, substitute(p, {c: sub(mul(const(2.0), z), ONE), s: mul(const(2.0), t, z)}))
-    return cast(Expr, substitute(_cleared(rational, z, add(ONE, integer_power(t, 2)), degree), {t: half}))
+    return cast(Expr, substitute(cleared(rational, z, add(ONE, integer_power(t, 2)), degree), {t: half}))
 
 
 def without_denominator(g: Expr, x: Var) -> Expr | None:
@@ -50,10 +50,10 @@ def without_denominator(g: Expr, x: Var) -> Expr | None:
 
     polynomial = cast(Expr, rewrite([g], visit)[g])
     degree = Shadow((z,)).degree(polynomial)
-    return None if degree is None or degree > MAX_DEGREE else _cleared(polynomial, z, whole, degree)
+    return None if degree is None or degree > MAX_DEGREE else cleared(polynomial, z, whole, degree)
 
 
-def _cleared(p: Expr, z: Var, whole: Expr, degree: int) -> Expr:
+def cleared(p: Expr, z: Var, whole: Expr, degree: int) -> Expr:
     """Returns p·Dⁿ for a polynomial p of degree n in z = 1/D."""
     terms, factor = [], 1.0
     for k in range(degree + 1):

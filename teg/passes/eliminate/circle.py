@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from typing import cast
 
 from teg.analysis.calculus import slope
-from teg.analysis.foci import square_of
+from teg.analysis.foci import Vector, square_of
 from teg.analysis.half_angle import without_denominator
 from teg.analysis.nest import Binder, Chain, divided, nest
 from teg.analysis.surfaces import restrict, signed_inside
@@ -35,7 +35,6 @@ SMALL = 0.3
 0.25·√2 on."""
 REACH = 2.0 * math.sqrt(2.0)
 """How far s is followed on a larger circle, relative to half of the diagonal: points of the box are at most two of these apart."""
-Vector = tuple[Expr, Expr]
 
 
 @dataclass(frozen=True)

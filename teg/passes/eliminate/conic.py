@@ -313,7 +313,7 @@ def _quarter(curve: _Ellipse, turn: tuple[Expr, Expr]) -> Expr:
     g, coefficient, binders = curve.g, curve.coefficient, curve.binders
     taken = coefficient.free | g.free | {b.var for b in binders}
     angle, c, s = (fresh(name, taken) for name in ("φ", "cos φ", "sin φ"))
-    point = sub(mul(turn[0], c), mul(turn[1], s)), add(mul(turn[1], c), mul(turn[0], s))
+    point = turned((c, s), turn)
     at = curve.at(*point)
     coefficient, bases = _along_bases(curve, coefficient, point)
     value = restrict(coefficient, {**at, **bases}, g, (binders[1].var, binders[0].var))
@@ -331,6 +331,11 @@ def _quarter(curve: _Ellipse, turn: tuple[Expr, Expr]) -> Expr:
     at_angle: dict[Var, Expr] = {c: call("cos", angle), s: call("sin", angle)}
     body = cast(Expr, substitute(mul(curve.measure, value), at_angle, algebraic))
     return integral_over(body, angle, const(-EIGHTH), const(EIGHTH))
+
+
+def turned(e: tuple[Expr, Expr], turn: tuple[Expr, Expr]) -> tuple[Expr, Expr]:
+    """Returns a direction turned by an angle whose cosine and sine are given."""
+    return sub(mul(turn[0], e[0]), mul(turn[1], e[1])), add(mul(turn[1], e[0]), mul(turn[0], e[1]))
 
 
 def _along_bases(curve: _Ellipse, coefficient: Expr, point: tuple[Expr, Expr]) -> tuple[Expr, dict[Var, Expr]]:

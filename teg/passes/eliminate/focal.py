@@ -17,19 +17,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import cast
 
-from teg.analysis.calculus import slope
 from teg.analysis.foci import Border, Vector, borders_of
-from teg.analysis.half_angle import MAX_DEGREE, in_half_angle
+from teg.analysis.half_angle import MAX_DEGREE, cleared, in_half_angle
 from teg.analysis.nest import Binder, Chain, divided, nest
 from teg.analysis.polynomial import Shadow, is_null
 from teg.analysis.surfaces import ordered, restrict, signed_inside
 from teg.ir.cells import replaced
 from teg.ir.expr import MINUS_ONE, ONE, ZERO, Compare, Cond, Expr, Var, const
 from teg.ir.integral import integral_over
-from teg.ir.simplify import add, call, disjunction, div, integer_power, mul, positive, sub, where
+from teg.ir.simplify import add, call, disjunction, div, mul, positive, sub, where
 from teg.ir.traverse import fresh, substitute
 from teg.ir.uncovered import SHIFT, TURN, marks_of, places_of
-from teg.passes.eliminate.conic import EIGHTH, QUARTERS
+from teg.passes.eliminate.conic import EIGHTH, QUARTERS, turned
 from teg.passes.eliminate.marks import with_conditions_at
 
 TWO = const(2.0)
@@ -90,7 +89,7 @@ class _Curve:
         u, v = (b.var for b in self.binders)
         taken = self.coefficient.free | self.g.free | {u, v}
         angle, c, s, r = (fresh(name, taken) for name in ("θ", "cos θ", "sin θ", "r"))
-        e = _turned(_turned((c, s), turn), ASKEW)
+        e = turned(turned((c, s), turn), ASKEW)
         opened, ahead = self.border.opened, self.border.ahead(e)
         steps = mul(r, e[0]), mul(r, e[1])
         at = {x: add(p, step) for x, p, step in zip((u, v), self.border.focus, steps, strict=True)}
@@ -104,8 +103,8 @@ class _Curve:
         half = call("tan", mul(const(0.5), angle))
 
         def algebraic(old: Compare, new: Expr, resolution: Cond | None) -> Cond:
-            cleared = _cleared(old.g, r, opened, mul(TWO, ahead))
-            polynomial = None if cleared is None else in_half_angle(cleared, c, s, half)
+            product = _cleared(old.g, r, opened, mul(TWO, ahead))
+            polynomial = None if product is None else in_half_angle(product, c, s, half)
             return positive(new if polynomial is None else polynomial, old.strict, resolution, old.rivals)
 
         circle: dict[Var, Expr] = {c: call("cos", angle), s: call("sin", angle)}
@@ -114,11 +113,6 @@ class _Curve:
         weight = div(mul(radius, add(radius, self.border.shift)), mul(call("magnitude", self.border.scale), there))
         body = mul(weight, cast(Expr, substitute(value, {**circle, r: radius}, algebraic)))
         return integral_over(body, angle, const(-EIGHTH), const(EIGHTH))
-
-
-def _turned(e: Vector, turn: Vector) -> Vector:
-    """Returns a direction turned by an angle whose cosine and sine are given."""
-    return sub(mul(turn[0], e[0]), mul(turn[1], e[1])), add(mul(turn[1], e[0]), mul(turn[0], e[1]))
 
 
 def _on_border(g: Expr, variables: Sequence[Var], at: Sequence[Var]) -> Expr:
@@ -132,8 +126,8 @@ def _on_border(g: Expr, variables: Sequence[Var], at: Sequence[Var]) -> Expr:
             return mul(other.scale, add(mul(where(meets, ONE, ZERO), crossing), where(meets, ZERO, MINUS_ONE)))
     r = fresh("r", [*variables, *at])
     moved = cast(Expr, substitute(g, {x: add(p, mul(r, step)) for x, p, step in zip((u, v), focus, e, strict=True)}))
-    cleared = _cleared(moved, r, opened, mul(TWO, ahead))
-    return cast(Expr, substitute(moved, {r: div(opened, mul(TWO, ahead))})) if cleared is None else cleared
+    product = _cleared(moved, r, opened, mul(TWO, ahead))
+    return cast(Expr, substitute(moved, {r: div(opened, mul(TWO, ahead))})) if product is None else product
 
 
 def _cleared(g: Expr, r: Var, opened: Expr, whole: Expr) -> Expr | None:
@@ -141,9 +135,5 @@ def _cleared(g: Expr, r: Var, opened: Expr, whole: Expr) -> Expr | None:
     degree = Shadow((r,)).degree(g)
     if degree is None or degree > MAX_DEGREE:
         return None
-    terms: list[Expr] = []
-    for k in range(degree + 1):
-        coefficient = mul(const(1.0 / math.factorial(k)), cast(Expr, substitute(g, {r: ZERO})))
-        terms.append(mul(coefficient, integer_power(opened, k), integer_power(whole, degree - k)))
-        g = slope(g, r)
-    return add(*terms)
+    z = fresh("z", g.free | {r})
+    return cleared(cast(Expr, substitute(g, {r: mul(opened, z)})), z, whole, degree)

@@ -7,7 +7,7 @@ Values that meet ties stay together, in the innermost part: they are averaged to
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -29,26 +29,17 @@ def parts_of(program: Program, depths: Sequence[int], levels: Sequence[int]) -> 
     """Returns the parts of a program whose parameters are known so deep, for loops of these depths, outermost first."""
     depth: dict[str, int] = {f"p{k}": d for k, d in enumerate(depths)}
     home: list[int] = []
-    reads = [free_names(stmt) for stmt in program.body]
-    for stmt, names in zip(program.body, reads, strict=True):
-        here = levels[-1] if has_ties((stmt,)) else max([depth[n] for n in names], default=0)
+    for stmt in program.body:
+        here = levels[-1] if has_ties((stmt,)) else max((depth[n] for n in free_names(stmt)), default=0)
         home.append(here)
         depth.update(dict.fromkeys(assigned(stmt), here))
     asked = [o for o in dict.fromkeys(program.outputs) if isinstance(o, str)]
     parts: list[Part] = []
     for at in levels:
         block = tuple(s for s, here in zip(program.body, home, strict=True) if here == at)
-        elsewhere = {n for names, here in zip(reads, home, strict=True) if here != at for n in names}
+        elsewhere = {n for s, here in zip(program.body, home, strict=True) if here != at for n in free_names(s)}
         parts.append(Part(at, block, [n for s in block for n in assigned(s) if n in elsewhere or n in asked]))
     return parts
-
-
-def _reading(stmt: Stmt, names: Mapping[str, str]) -> Stmt:
-    """Returns the statement with other names for what it reads; most statements are assignments."""
-    if not isinstance(stmt, Assign):
-        return renamed(stmt, names)
-    args = tuple([names.get(a, a) if isinstance(a, str) else a for a in stmt.args])
-    return Assign(stmt.name, stmt.op, args)
 
 
 def program_of(part: Part, program: Program) -> tuple[Program, list[str]]:
@@ -61,6 +52,6 @@ def program_of(part: Part, program: Program) -> tuple[Program, list[str]]:
     after = [Assign(f"v{n}", "select", (n, 1.0, 0.0)) for n in part.across if is_condition(n)]
     results = tuple(f"v{n}" if is_condition(n) else n for n in part.across)
     titles = tuple(program.parameters[parameter_number(n)] if is_parameter(n) else n for n in used)
-    body = (*before, *(_reading(s, number) for s in part.block), *after)
+    body = (*before, *(renamed(s, number) for s in part.block), *after)
     ties = program.ties if has_ties(part.block) else ()
     return without_dead_code(replace(program, parameters=titles, body=body, outputs=results, ties=ties)), used

@@ -16,7 +16,7 @@ from teg.analysis.extents import extent
 from teg.ir.arrays import open_indices
 from teg.ir.expr import MINUS_ONE, Add, Call, Compare, Const, Expr, Mul, Pow, Where, const
 from teg.ir.index import IndexVar
-from teg.ir.simplify import call, integer_power, mul
+from teg.ir.simplify import add, call, integer_power, mul
 
 INCREASING_FROM = {
     "exp": -math.inf,
@@ -44,8 +44,10 @@ def plain_key(key: Expr, k: IndexVar) -> Expr:
     """Returns a key by which candidates, of the index k, have the same order; the key itself if it holds no increasing function."""
     opened = open_indices(key)
     e, rises, is_plain = key, True, True
+    shared: list[Expr] = []
     while True:
         if isinstance(e, Add) and len(own := [c for c in e.children if k in opened[c]]) == 1:
+            shared += [c for c in e.children if not (c.free or isinstance(c, Const) or k in opened[c])]
             e = own[0]  # what all candidates share does not count
         elif isinstance(e, Mul) and len(others := [c for c in e.children if not isinstance(c, Const)]) == 1:
             (factor,) = (c for c in e.children if isinstance(c, Const))
@@ -56,7 +58,7 @@ def plain_key(key: Expr, k: IndexVar) -> Expr:
             break
     if (root := _weighted_root(e)) is not None:
         e, is_plain = root, False
-    return key if is_plain else e if rises else mul(MINUS_ONE, e)
+    return key if is_plain else add(e if rises else mul(MINUS_ONE, e), *shared)  # where a parameter is no number, no key is one
 
 
 def _inside(e: Expr) -> _Inside | None:

@@ -115,6 +115,23 @@ def _mean_of_first(rows: np.ndarray, speed: float) -> float:
     return float(np.min([s + np.hypot(u - p, v - q) / speed for p, q, s, _ in rows], axis=0).mean())
 
 
+@pytest.mark.parametrize(("scale", "winner"), [(0.0, 2.0), (1e-200, 2.0), (-1.0, None)])
+def test_distances_that_do_not_count(scale: float, winner: float | None) -> None:
+    """Times a number that may be 0 or negative: at 0 the numbers beside the distances decide, below it the farthest site is chosen."""
+    f = teg.compile(teg.integral(teg.nearest(D[k, 3], t * DISTANCE - D[k, 2], ALL), *BOX), [D, t])
+    rows = [[0.3, 0.4, 0.1, 1.0], [0.7, 0.6, 0.3, 2.0], [0.5, 0.9, 0.2, 5.0]]
+    value, gradient = f.value_and_grad(D=rows, t=scale)
+    if winner is not None:
+        assert value == winner
+        assert np.array_equal(gradient["D"][:, 3], [0.0, 1.0, 0.0])
+        assert gradient["t"] == 0.0
+    else:
+        at = (np.arange(1000) + 0.5) / 1000
+        u, v = np.meshgrid(at, at)
+        farthest = np.argmax([np.hypot(u - p, v - q) + c for p, q, c, _ in rows], axis=0)
+        assert value == pytest.approx(np.array(rows)[farthest, 3].mean(), abs=2e-4)
+
+
 def test_where_lines_are() -> None:
     """Sites that count on one side of a line only."""
     inside = x + 0.5 * y < 1.1 - D[k, 2]

@@ -67,6 +67,16 @@ def test_distances_are_as_good_as_their_squares(backend: str) -> None:
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
+def test_a_key_that_is_no_number(backend: str) -> None:
+    """What all share does not count, but where it is no number no key is one."""
+    assert plain_key(DISTANCE + a, k) is SQUARE + a
+    f = teg.compile(teg.integral(teg.nearest(D[k, 2], DISTANCE + a, ALL), *BOX), backend=backend)
+    rows = [[0.3, 0.4, 1.0], [0.7, 0.4, 2.0]]
+    assert f(D=rows, a=0.2) == pytest.approx(1.5, abs=1e-14)
+    assert np.isnan(f(D=rows, a=np.nan))
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("w", [2.0, -2.0])
 def test_weighted_distances_have_circles(backend: str, w: float) -> None:
     """Of w·|z - a| and |z - b| the first one is less outside of a disk around (w²a - b)/(w² - 1); with a weight below 0 it always is."""
