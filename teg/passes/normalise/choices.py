@@ -104,6 +104,7 @@ def _rewritten(root: Expr, change: Callable[[Ranged], Node]) -> Expr:
 
 
 def _prepared(node: Ranged) -> Ranged | Expr:
+    """Returns a product of brackets as a condition, and the nearest of candidates by a plain key; others as they are."""
     match node:
         case Product():
             return _without_brackets(node)

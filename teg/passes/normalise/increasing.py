@@ -1,10 +1,10 @@
 """Keys of a choice without increasing functions, which do not change which one is the least.
 
-    f(u_k) + s              →  u_k                 f increases and is the same for all candidates, as s is: √, exp, log, odd powers, …
-    w_k·√u_k,  w_k·|v_k|    →  w_k·|w_k|·u_k,  w_k·|w_k|·v_k²            the square, with its sign; a root of another degree likewise
+    f(u_k) + s              →  u_k                               f increases, and s is the same for all candidates, as f is
+    w_k·√u_k,  w_k·|v_k|    →  w_k·|w_k|·u_k,  w_k·|w_k|·v_k²    the square, with its sign; a root of another degree likewise
 
 So distances are as good as their squares, and distances with weights have circles as borders. A function counts where its argument
-cannot leave its domain: a key that may be no number stays. Cost: a visit a node.
+cannot leave its domain: a key that may be no number stays, and so do parameters in s, which may be none. Cost: a visit a node.
 """
 
 from __future__ import annotations
