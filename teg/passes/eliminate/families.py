@@ -74,7 +74,7 @@ CARRIED = "carried along, as it is differentiated again"
 def along_edges(families: Families) -> Families:
     """Returns the families for programs in which candidates cover parts of a curve: where these are ends of arcs, charts by variable have
     no formula for them. Elsewhere the charts by variable are shorter."""
-    place = next((i for i, (match, _) in enumerate(families) if match is match_implicit), len(families))
+    place = next((i for i, (match, _) in enumerate(families) if match in (match_bilinear, match_implicit)), len(families))
     curves: Families = (match_circle, rewrite_circle), (match_pencil, rewrite_pencil), (match_focal, rewrite_focal)
     return (*families[:place], *curves, *families[place:])
 

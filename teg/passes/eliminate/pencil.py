@@ -23,11 +23,13 @@ from dataclasses import dataclass
 from typing import NamedTuple, cast
 
 from teg.analysis.calculus import slope
+from teg.analysis.critical import is_significant
 from teg.analysis.half_angle import MAX_DEGREE
 from teg.analysis.nest import Binder, Chain, divided, nest
 from teg.analysis.polynomial import Shadow
 from teg.analysis.surfaces import ordered, restrict, signed_inside
 from teg.errors import NotDifferentiableError
+from teg.ir.cells import replaced
 from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Compare, Cond, Expr, Var, const
 from teg.ir.function import Slot
 from teg.ir.integral import integral_over
@@ -42,6 +44,10 @@ DEFINITE = 1e-12
 """The least hγ - β², relative to the squares of all three, of a curve that has one branch only."""
 OUTSIDE = 1.0 / 64.0
 """How far outside of a side of the box P may be, so that none is missed in a corner."""
+NOISE = 2.0**-49
+"""How far from 0 a number is that would be 0 without rounding, relative to what it is computed from."""
+CROSSING = 2.0**-46
+"""Where an arc begins at the crossing of two lines, at which nothing is to be integrated: what would be 0 there is a rounding."""
 ROUNDING = 2.0**-47
 """The least discriminant along a line, relative to what it is computed from: in one that is less the curve is a double line or a point."""
 FAVOURS = 1.0, 0.93, 0.87, 0.81, 0.76
@@ -88,6 +94,13 @@ def rewrite_pencil(g: Expr, coefficient: Expr, chain: Chain, data: Pencil) -> Ex
     return nest(where(there, curve.along(coefficient), ZERO), others)
 
 
+def _cleaned(e: Expr, size: Expr) -> Expr:
+    """Returns a number that is exactly 0 where it is its rounding error, beside the size of what it is computed from."""
+    e = call("exact", e)  # one term of the difference below, which is 0 then
+    is_noise = positive(sub(mul(const(NOISE), size), call("magnitude", e)), strict=False)
+    return sub(e, call("chosen", where(is_noise, e, ZERO)))
+
+
 class _Form(NamedTuple):
     """level + slopes·z + zᵀMz in the coordinates z = (place - middle)/half of both variables; M by (00, 01, 11). `sizes` are those of the
     terms of level and slopes."""
@@ -119,6 +132,14 @@ class _Form(NamedTuple):
         """Returns the gradient at a place."""
         (a, b, c), (p, q), (s, r) = self.entries, place, self.slopes
         return add(s, mul(TWO, add(mul(a, p), mul(b, q)))), add(r, mul(TWO, add(mul(b, p), mul(c, q))))
+
+    def exact_slopes_at(self, place: Vector) -> Vector:
+        """Returns the same, with 0 for what is a rounding error: then the curve runs along a side of the box."""
+        (a, b, c), (_, s, r) = self.entries, self.sizes
+        p, q = map(_size, place)
+        sizes = (add(s, mul(TWO, _size(e), p), mul(TWO, _size(b), q)) for e, p, q, s in ((a, p, q, s), (c, q, p, r)))
+        m, n = (_cleaned(e, size) for e, size in zip(self.slopes_at(place), sizes, strict=True))
+        return m, n
 
     def moved(self, place: Vector) -> Vector:
         """Returns a place on the curve as a function of the coefficients, by a step of Newton's method: a root itself is long to
@@ -214,6 +235,7 @@ _IS_OTHER = positive(sub(ARC, const(5.5)))
 _SIGN = where(_IS_OTHER, MINUS_ONE, ONE)
 _KIND = sub(ARC, where(_IS_OTHER, const(6.0), ZERO))
 _IS_NEAREST, _IS_NEAR, _IS_FARTHEST = positive(sub(ONE_HALF, _KIND)), positive(sub(const(2.5), _KIND)), positive(sub(_KIND, const(4.5)))
+_HAS_CROSSING = negation(disjunction(_IS_NEAREST, _IS_FARTHEST))
 _IS_LEFT = disjunction(*(positive(sub(const(0.25), integer_power(sub(_KIND, const(kind)), 2))) for kind in (2.0, 4.0)))
 
 
@@ -237,14 +259,15 @@ class _Frame(NamedTuple):
     def at(cls, form: _Form, near: _Point) -> _Frame:
         """Returns that of a form."""
         a, b, c = form.entries
-        m, n = form.slopes_at(near.place)
+        m, n = form.exact_slopes_at(near.place)
         square = add(mul(m, m), mul(n, n))
         length = call("exact", where(positive(square), call("sqrt", square), ONE))
         m, n = (call("exact", div(e, length)) for e in (m, n))
-        bent = add(mul(a, n, n), mul(const(-2.0), b, m, n), mul(c, m, m))
+        terms = mul(a, n, n), mul(const(-2.0), b, m, n), mul(c, m, m)
+        bent, size = add(*terms), add(*(call("magnitude", term) for term in terms))
         mixed = add(mul(sub(a, c), m, n), mul(b, sub(mul(n, n), mul(m, m))))
         other = add(mul(a, m, m), mul(TWO, b, m, n), mul(c, n, n))
-        h, beta, gamma = (call("exact", div(e, length)) for e in (bent, mixed, other))
+        h, beta, gamma = (call("exact", div(e, length)) for e in (_cleaned(bent, size), mixed, other))
         inverse = sub(mul(h, gamma), mul(beta, beta))
         is_small = positive(sub(inverse, const(REACH**-2)))
         reach = call("chosen", where(is_small, integer_power(call("sqrt", where(is_small, inverse, ONE)), -1), const(REACH)))
@@ -263,7 +286,10 @@ Polynomial = Sequence[Expr]
 
 
 class _Steps(NamedTuple):
-    """Along the curve, by s in (-1, 1): the polynomials U, V and D of the place P + (U, V)/D, and the constant ν dw - w dν."""
+    """Along the curve, by s from -1 or 0 to 1: the polynomials U, V and D of the place P + (U, V)/D, and the constant ν dw - w dν.
+
+    Two lines cross where two arcs meet, and D is 0 there. That is at s = 0, where polynomials of s have no differences.
+    """
 
     along: Polynomial
     over: Polynomial
@@ -278,15 +304,9 @@ class _Steps(NamedTuple):
         meeting = call("chosen", call("sqrt", mul(steep, turn)))  # the slope at which both arcs between end
         share = div(steep, where(positive(meeting), meeting, ONE))
         nearest = reach, ZERO, reach, ONE, ZERO
-        first = (
-            mul(ONE_HALF, reach, sub(ONE, share)),
-            mul(side, reach),
-            ZERO,
-            mul(ONE_HALF, add(ONE, share)),
-            mul(ONE_HALF, sub(ONE, share)),
-        )
-        half = mul(ONE_HALF, sub(turn, meeting))
-        second = half, mul(ONE_HALF, side, add(turn, meeting)), mul(side, half), ONE, ZERO
+        first = mul(reach, sub(ONE, share)), mul(side, reach), ZERO, share, sub(ONE, share)
+        length = sub(turn, meeting)
+        second = length, mul(side, meeting), mul(side, length), ONE, ZERO
         farthest = turn, turn, ZERO, ZERO, ONE
         of_arcs = zip(nearest, first, second, farthest, strict=True)
         of_arc = (where(_IS_NEAREST, p, where(_IS_NEAR, q, where(_IS_FARTHEST, u, r))) for p, q, r, u in of_arcs)
@@ -349,13 +369,23 @@ class _Curve:
             value = where(positive(mul(_SIGN, _at(steps.whole, s))), value, ZERO)
 
         def algebraic(old: Compare, new: Expr, resolution: Cond | None) -> Cond:
-            polynomial = _cleared(old.g, (along, over), steps[:3], _SIGN)
+            polynomial = _cleared(old.g, (along, over), steps[:3], _SIGN, True)
             return positive(new if polynomial is None else _at(polynomial, s), old.strict, resolution, old.rivals)
 
         z = integer_power(_at(steps.whole, s), -1)
         weight = div(mul(call("magnitude", mul(p, q)), steps.rate, _SIGN, z), self.frame.length)
         on_curve = {along: mul(_at(steps.along, s), z), over: mul(_at(steps.over, s), z)}
-        return integral_over(cast(Expr, substitute(mul(weight, value), on_curve, algebraic)), s, MINUS_ONE, ONE)
+        body = cast(Expr, substitute(mul(weight, value), on_curve, algebraic))
+        return integral_over(body, s, where(_HAS_CROSSING, self._crossing(coefficient, start, [axis for axis, _ in axes]), MINUS_ONE), ONE)
+
+    def _crossing(self, coefficient: Expr, start: Sequence[Expr], axes: Sequence[Expr]) -> Expr:
+        """Returns the s at which an arc begins that two lines may cross at its end: 0 if the integral diverges there."""
+        variables = [b.var for b in self.binders]
+        (plain,) = replaced([coefficient], dict.fromkeys(marks_of(coefficient), ONE))
+        is_far = positive(call("magnitude", self.frame.beta), strict=False)
+        away = div(const(-0.5), where(is_far, self.frame.beta, ONE))
+        there = {v: add(c, mul(axis, away)) for v, c, axis in zip(variables, start, axes, strict=True)}
+        return where(is_significant(plain, there, self.binders), ZERO, const(CROSSING))
 
 
 def _on_arc(g: Expr, variables: Sequence[Var], at: Sequence[Var]) -> Expr:
@@ -371,12 +401,16 @@ def _on_arc(g: Expr, variables: Sequence[Var], at: Sequence[Var]) -> Expr:
     return cast(Expr, substitute(moved, {along: mul(_at(parts[0], s), z), over: mul(_at(parts[1], s), z)}))
 
 
-def _cleared(g: Expr, variables: tuple[Var, Var], parts: Sequence[Polynomial], sign: Expr) -> Polynomial | None:
-    """Returns g(U/D, V/D)·(σD)ⁿ for a polynomial g of degree n, from U, V and D; None for other functions."""
+def _cleared(
+    g: Expr, variables: tuple[Var, Var], parts: Sequence[Polynomial], sign: Expr, cleaned: bool = False
+) -> Polynomial | None:
+    """Returns g(U/D, V/D)·(σD)ⁿ for a polynomial g of degree n, from U, V and D; None for other functions. With `cleaned`, coefficients
+    are exactly 0 where they are rounding errors."""
     degree = Shadow(variables).degree(g)
     if degree is None or degree > MAX_DEGREE:
         return None
     terms: list[Polynomial] = []
+    sizes: list[Polynomial] = []
     powers = [_powers(part, degree) for part in parts]
     origin = dict.fromkeys(variables, ZERO)
     for i in range(degree + 1):
@@ -385,10 +419,15 @@ def _cleared(g: Expr, variables: tuple[Var, Var], parts: Sequence[Polynomial], s
             factor = const(1.0 / (math.factorial(i) * math.factorial(j)))
             coefficient = mul(factor, cast(Expr, substitute(derivative, origin)))
             if coefficient is not ZERO:
-                terms.append(_scaled(coefficient, _product(_product(powers[0][i], powers[1][j]), powers[2][degree - i - j])))
+                product = _product(_product(powers[0][i], powers[1][j]), powers[2][degree - i - j])
+                terms.append(_scaled(coefficient, product))
+                sizes.append(_scaled(mul(call("magnitude", factor), _size(coefficient)), [call("magnitude", e) for e in product]))
             derivative = slope(derivative, variables[1])
         g = slope(g, variables[0])
-    return _scaled(sign if degree % 2 else ONE, _total(*terms)) if terms else [ZERO]
+    whole = _total(*terms) if terms else [ZERO]
+    if cleaned and terms:
+        whole = [_cleaned(e, size) for e, size in zip(whole, _total(*sizes), strict=True)]
+    return _scaled(sign if degree % 2 else ONE, whole)
 
 
 def _powers(p: Polynomial, most: int) -> list[Polynomial]:
