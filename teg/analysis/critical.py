@@ -16,7 +16,7 @@ from teg.analysis.nest import Binder
 from teg.analysis.polynomial import Shadow, is_null
 from teg.analysis.squares import squares_in
 from teg.analysis.tails import infinite_ends
-from teg.ir.expr import FALSE, MINUS_ONE, ONE, TRUE, ZERO, Add, Cond, Expr, Mul, Var, const
+from teg.ir.expr import MINUS_ONE, ONE, TRUE, ZERO, Add, Cond, Expr, Mul, Var, const
 from teg.ir.show import show
 from teg.ir.simplify import add, call, conjunction, integer_power, mul, positive, sub, where
 from teg.ir.traverse import substitute
@@ -128,12 +128,6 @@ def _is_crossing(critical: Critical) -> Cond:
     return conjunction(positive(mul(MINUS_ONE, critical.determinant)), near)
 
 
-def crosses_itself(g: Expr, boxes: Sequence[Binder]) -> Cond:
-    """Returns whether two branches of a curve cross in a box, as lines do."""
-    critical = critical_point(g, boxes)
-    return FALSE if critical is None else conjunction(_is_crossing(critical), critical.inside)
-
-
 def infinite_at_saddle(g: Expr, coefficient: Expr, boxes: Sequence[Binder]) -> Expr:
     """Returns ±inf where ∫∫ coefficient·δ(g) diverges, else 0.
 
@@ -145,23 +139,19 @@ def infinite_at_saddle(g: Expr, coefficient: Expr, boxes: Sequence[Binder]) -> E
     critical = critical_point(g, boxes)
     if critical is None:
         return ZERO
-    there, nothing = _at(coefficient, critical.point), _least_factor(coefficient, boxes)
+    return where(conjunction(_is_crossing(critical), critical.inside), infinite_at(coefficient, critical.point, boxes), ZERO)
+
+
+def infinite_at(coefficient: Expr, point: Mapping[Var, Expr], boxes: Sequence[Binder]) -> Expr:
+    """Returns ±inf, with the sign of a coefficient that is not 0 at a point of the box; else 0."""
+    around = [finite_box(b) for b in boxes]
+    middle = {b.var: mul(const(0.5), add(b.lo, b.hi)) for b in around}
+    there, nothing = _at(coefficient, point), mul(const(NOTHING), _size(coefficient, around, middle))
     endless = const(float("inf"))
     signed = where(
         positive(sub(there, nothing)), endless, where(positive(sub(mul(MINUS_ONE, there), nothing)), mul(MINUS_ONE, endless), ZERO)
     )
-    return where(conjunction(_is_crossing(critical), critical.inside), signed, ZERO)
-
-
-def is_significant(coefficient: Expr, point: Mapping[Var, Expr], boxes: Sequence[Binder]) -> Cond:
-    """Returns whether a factor of a boundary term is not 0 at a point: ∫∫ coefficient·δ(g) diverges where the curve crosses itself."""
-    return positive(sub(call("magnitude", _at(coefficient, point)), _least_factor(coefficient, boxes)))
-
-
-def _least_factor(coefficient: Expr, boxes: Sequence[Binder]) -> Expr:
-    around = [finite_box(b) for b in boxes]
-    middle = {b.var: mul(const(0.5), add(b.lo, b.hi)) for b in around}
-    return mul(const(NOTHING), _size(coefficient, around, middle))
+    return where(conjunction(*(_between(point[b.var], b) for b in boxes)), signed, ZERO)
 
 
 def _at(e: Expr, point: Mapping[Var, Expr]) -> Expr:

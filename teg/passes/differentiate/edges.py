@@ -31,10 +31,8 @@ from typing import NamedTuple, cast
 
 from teg.analysis.antiderivative import integrated
 from teg.analysis.calculus import slope
-from teg.analysis.critical import crosses_itself
 from teg.analysis.foci import with_common_focus
 from teg.analysis.gates import gates_of
-from teg.analysis.nest import Binder
 from teg.analysis.surfaces import atoms_of
 from teg.errors import NotDifferentiableError
 from teg.ir.arrays import sum_over
@@ -179,17 +177,7 @@ def _others(node: Uncovered, edge: _Surface) -> Around:
     nothing = [_is_opposite(node, edge, own) for own in _surfaces(node.condition, variables) if own.g is not edge.g]
     wider = conjunction(covering(ONE), less(distance, ZERO, True))
     tie = bracket(conjunction(different, disjunction(covering(MINUS_ONE), wider, *nothing)))
-    shared = disjunction(*(_turns(surface.g, node) for surface in _surfaces(theirs, variables)))
-    tie = where(conjunction(different, shared), const(math.nan), tie)
     return Around((j, node.lo, node.hi), conjunction(different, theirs), tie, node.within)
-
-
-def _turns(g: Expr, node: Uncovered) -> Cond:
-    """Returns whether two lines on which a function is 0 cross in the box: the side on which a candidate lies changes there. Where an edge of
-    another candidate runs along one of them, what is seen of it is not known."""
-    boxes = [Binder(v, lo, hi) for v, (lo, hi) in zip(node.variables, node.bounds, strict=True)]
-    crossing = crosses_itself(g, boxes)
-    return crossing if crossing is FALSE else conjunction(crossing, _on_line(g, node))
 
 
 def _is_opposite(node: Uncovered, edge: _Surface, other: _Surface) -> Cond:

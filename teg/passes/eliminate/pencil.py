@@ -23,7 +23,7 @@ from dataclasses import dataclass
 from typing import NamedTuple, cast
 
 from teg.analysis.calculus import slope
-from teg.analysis.critical import is_significant
+from teg.analysis.critical import infinite_at
 from teg.analysis.half_angle import MAX_DEGREE
 from teg.analysis.nest import Binder, Chain, divided, nest
 from teg.analysis.polynomial import Shadow
@@ -47,7 +47,7 @@ OUTSIDE = 1.0 / 64.0
 NOISE = 2.0**-49
 """How far from 0 a number is that would be 0 without rounding, relative to what it is computed from."""
 CROSSING = 2.0**-46
-"""Where an arc begins at the crossing of two lines, at which nothing is to be integrated: what would be 0 there is a rounding."""
+"""Where an arc begins that may end at the crossing of two lines: at 0 a factor that would be 0 is a rounding, and the integral infinite."""
 ROUNDING = 2.0**-47
 """The least discriminant along a line, relative to what it is computed from: in one that is less the curve is a double line or a point."""
 FAVOURS = 1.0, 0.93, 0.87, 0.81, 0.76
@@ -91,7 +91,8 @@ def rewrite_pencil(g: Expr, coefficient: Expr, chain: Chain, data: Pencil) -> Ex
     frame = _Frame.at(form, near)
     curve = _Curve(g, (mine[0], mine[1]), form, near, frame)
     there = conjunction(near.exists, frame.has_arc)
-    return nest(where(there, curve.along(coefficient), ZERO), others)
+    crossing = where(near.exists, curve.at_crossing(coefficient), ZERO)
+    return nest(add(where(there, curve.along(coefficient), ZERO), crossing), others)
 
 
 def _cleaned(e: Expr, size: Expr) -> Expr:
@@ -235,7 +236,6 @@ _IS_OTHER = positive(sub(ARC, const(5.5)))
 _SIGN = where(_IS_OTHER, MINUS_ONE, ONE)
 _KIND = sub(ARC, where(_IS_OTHER, const(6.0), ZERO))
 _IS_NEAREST, _IS_NEAR, _IS_FARTHEST = positive(sub(ONE_HALF, _KIND)), positive(sub(const(2.5), _KIND)), positive(sub(_KIND, const(4.5)))
-_HAS_CROSSING = negation(disjunction(_IS_NEAREST, _IS_FARTHEST))
 _IS_LEFT = disjunction(*(positive(sub(const(0.25), integer_power(sub(_KIND, const(kind)), 2))) for kind in (2.0, 4.0)))
 
 
@@ -376,16 +376,19 @@ class _Curve:
         weight = div(mul(call("magnitude", mul(p, q)), steps.rate, _SIGN, z), self.frame.length)
         on_curve = {along: mul(_at(steps.along, s), z), over: mul(_at(steps.over, s), z)}
         body = cast(Expr, substitute(mul(weight, value), on_curve, algebraic))
-        return integral_over(body, s, where(_HAS_CROSSING, self._crossing(coefficient, start, [axis for axis, _ in axes]), MINUS_ONE), ONE)
+        return integral_over(body, s, where(disjunction(_IS_NEAREST, _IS_FARTHEST), MINUS_ONE, const(CROSSING)), ONE)
 
-    def _crossing(self, coefficient: Expr, start: Sequence[Expr], axes: Sequence[Expr]) -> Expr:
-        """Returns the s at which an arc begins that two lines may cross at its end: 0 if the integral diverges there."""
-        variables = [b.var for b in self.binders]
+    def at_crossing(self, coefficient: Expr) -> Expr:
+        """Returns ±inf if the integral diverges where two lines cross in the box, else 0. Candidates may cover that place."""
+        (m, n), beta = self.frame.across, self.frame.beta
+        is_near = positive(sub(call("magnitude", beta), const(0.5 / REACH)))
+        away = div(const(-0.5), where(is_near, beta, ONE))
+        steps = mul(n, away), mul(MINUS_ONE, m, away)
+        boxes = zip(self.binders, self.form.middle, self.form.half, self.near.place, steps, strict=True)
+        there = {b.var: add(c, mul(half, add(z, step))) for b, c, half, z, step in boxes}
         (plain,) = replaced([coefficient], dict.fromkeys(marks_of(coefficient), ONE))
-        is_far = positive(call("magnitude", self.frame.beta), strict=False)
-        away = div(const(-0.5), where(is_far, self.frame.beta, ONE))
-        there = {v: add(c, mul(axis, away)) for v, c, axis in zip(variables, start, axes, strict=True)}
-        return where(is_significant(plain, there, self.binders), ZERO, const(CROSSING))
+        are_lines = negation(positive(call("magnitude", self.frame.h)))
+        return where(conjunction(are_lines, is_near), infinite_at(plain, there, self.binders), ZERO)
 
 
 def _on_arc(g: Expr, variables: Sequence[Var], at: Sequence[Var]) -> Expr:
