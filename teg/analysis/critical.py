@@ -139,19 +139,18 @@ def infinite_at_saddle(g: Expr, coefficient: Expr, boxes: Sequence[Binder]) -> E
     critical = critical_point(g, boxes)
     if critical is None:
         return ZERO
-    return where(conjunction(_is_crossing(critical), critical.inside), infinite_at(coefficient, critical.point, boxes), ZERO)
+    sign = sign_at(coefficient, critical.point, boxes)
+    endless = where(positive(sign), const(math.inf), where(positive(mul(MINUS_ONE, sign)), const(-math.inf), ZERO))
+    return where(conjunction(_is_crossing(critical), critical.inside), endless, ZERO)
 
 
-def infinite_at(coefficient: Expr, point: Mapping[Var, Expr], boxes: Sequence[Binder]) -> Expr:
-    """Returns ±inf, with the sign of a coefficient that is not 0 at a point of the box; else 0."""
+def sign_at(coefficient: Expr, point: Mapping[Var, Expr], boxes: Sequence[Binder]) -> Expr:
+    """Returns 1 or -1, the sign of a coefficient that is not 0 at a point of the box; else 0."""
     around = [finite_box(b) for b in boxes]
     middle = {b.var: mul(const(0.5), add(b.lo, b.hi)) for b in around}
     there, nothing = _at(coefficient, point), mul(const(NOTHING), _size(coefficient, around, middle))
-    endless = const(float("inf"))
-    signed = where(
-        positive(sub(there, nothing)), endless, where(positive(sub(mul(MINUS_ONE, there), nothing)), mul(MINUS_ONE, endless), ZERO)
-    )
-    return where(conjunction(*(_between(point[b.var], b) for b in boxes)), signed, ZERO)
+    sign = where(positive(sub(there, nothing)), ONE, where(positive(sub(mul(MINUS_ONE, there), nothing)), MINUS_ONE, ZERO))
+    return where(conjunction(*(_between(point[b.var], b) for b in boxes)), sign, ZERO)
 
 
 def _at(e: Expr, point: Mapping[Var, Expr]) -> Expr:

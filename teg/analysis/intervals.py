@@ -211,6 +211,8 @@ def _function(name: str, parts: list[Interval]) -> Interval:
     if name in _BY_NAME:
         return _BY_NAME[name](u)
     match name:
+        case "exact" | "chosen":
+            return u
         case "min" | "max":
             return call(name, u[0], parts[1][0]), call(name, u[1], parts[1][1])
         case "pow":

@@ -111,7 +111,7 @@ class FrameworkFunction:
     def _plan_for(self, shapes: Mapping[ArrayName, tuple[int, ...]], known: Mapping[str, Any]) -> Plan:
         """Returns the plan for arrays of these shapes: one for all shapes, or one for their lengths if these must be known, and for the
         numbers of candidates that integers and index arrays say. Raises ArrayIndexError if one of these is not `known`."""
-        if self._plan is not None and not self._plan.follows_edges:
+        if self._plan is not None and not self._plan.may_need_lengths:
             return self._plan
         counting = self._counts.get(None, lambda: Counting(self._program))
         unknown = [name for name in counting.names if name in known and known[name] is None]

@@ -33,6 +33,7 @@ from teg.ir.cells import replaced
 from teg.ir.expr import ZERO, Expr, Param, Var
 from teg.ir.index import ArrayName
 from teg.ir.node import Node, postorder
+from teg.ir.partition import Partition
 from teg.ir.still import has_still, released
 from teg.ir.traverse import size
 from teg.ir.uncovered import Uncovered
@@ -47,7 +48,7 @@ from teg.passes.lower.integrals import About
 from teg.passes.lower.loops import Output, output_of, schedule_arrays
 from teg.passes.lower.weights import has_relative_sums
 from teg.passes.normalise.canonicalise import canonicalise
-from teg.passes.normalise.choices import without_uncovered
+from teg.passes.normalise.choices import raise_unwritten, without_uncovered
 from teg.passes.normalise.inline import with_slots, without_slots, write_out
 from teg.passes.normalise.integers import with_sums_of_integers
 from teg.passes.normalise.partitions import Refused
@@ -363,6 +364,7 @@ class Plan:
             abstract, edges = followed(abstract, self.wrt)
         self.derivation = _derivation(Task(abstract, self.wrt, self.leaves, self.integers, *how, source, tuple(edges.items())))
         self.entries, self.has_loops = flatten(e), self.derivation.has_loops
+        self._touching = [n for n in postorder([e]) if isinstance(n, Partition) and n.layout.touching]
         self._written: Kept[None, Plan] = Kept(1)
         self._refused: Kept[Wanted, str] = Kept()
         self._linked: Kept[tuple[Wanted, int | None, bool, Integration | None], Program] = Kept()
@@ -372,12 +374,19 @@ class Plan:
         """Returns whether candidates are followed along their edges."""
         return self.derivation.task.follows_edges
 
+    @property
+    def may_need_lengths(self) -> bool:
+        """Returns whether candidates may have to be written out for second derivatives."""
+        return self.follows_edges or bool(self._touching)
+
     def needs_lengths(self, wanted: Wanted) -> bool:
         """Returns whether candidates must be written out for these outputs, although values and gradients follow their edges."""
         return bool(self._why_written_out(wanted))
 
     def _why_written_out(self, wanted: Wanted) -> str:
         """Returns the reason why candidates must be written out for these outputs; nothing if they need not be."""
+        if wanted.along and self._touching:
+            return "it has alternatives that share corners, and is differentiated twice"
         if not (wanted.along and self.follows_edges):
             return ""
 
@@ -394,6 +403,8 @@ class Plan:
 
     def _written_out(self, reason: str) -> Plan:
         """Returns the plan of the same program with candidates written out. Raises NeedsLengths."""
+        for node in self._touching:
+            raise_unwritten(node, reason)
 
         def made() -> Plan:
             e = without_uncovered(self.expression, reason)

@@ -91,13 +91,15 @@ class Layout(NamedTuple):
     """The numbers of one candidate of a partition: `parts` times `guards` affine forms, one for the key, a polynomial of a degree.
 
     Forms are (c, a, b) for c + a·u + b·v. A polynomial has its coefficients in the order 1, u, v, u², uv, v², …. With `order` 1 the node
-    is the derivative of a partition along a direction, whose components follow the numbers.
+    is the derivative of a partition along a direction, whose components follow the numbers. With `touching`, parts have corners in
+    common, as those of (x - a)·(y - b) > 0: there are no second derivatives.
     """
 
     parts: int
     guards: int
     degree: int
     order: int = 0
+    touching: bool = False
 
     @property
     def forms(self) -> int:

@@ -23,14 +23,14 @@ from dataclasses import dataclass
 from typing import NamedTuple, cast
 
 from teg.analysis.calculus import slope
-from teg.analysis.critical import infinite_at
+from teg.analysis.critical import sign_at
 from teg.analysis.half_angle import MAX_DEGREE
 from teg.analysis.nest import Binder, Chain, divided, nest
 from teg.analysis.polynomial import Shadow
 from teg.analysis.surfaces import ordered, restrict, signed_inside
 from teg.errors import NotDifferentiableError
 from teg.ir.cells import replaced
-from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Compare, Cond, Expr, Var, const
+from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Compare, Cond, Expr, Mul, Var, const
 from teg.ir.function import Slot
 from teg.ir.integral import integral_over
 from teg.ir.simplify import add, call, conjunction, disjunction, div, integer_power, mul, negation, positive, sub, where
@@ -48,6 +48,8 @@ NOISE = 2.0**-49
 """How far from 0 a number is that would be 0 without rounding, relative to what it is computed from."""
 CROSSING = 2.0**-46
 """Where an arc begins that may end at the crossing of two lines: at 0 a factor that would be 0 is a rounding, and the integral infinite."""
+LARGE = 1e200
+"""Its square is infinite."""
 ROUNDING = 2.0**-47
 """The least discriminant along a line, relative to what it is computed from: in one that is less the curve is a double line or a point."""
 FAVOURS = 1.0, 0.93, 0.87, 0.81, 0.76
@@ -67,8 +69,13 @@ class Pencil:
 
 
 def match_pencil(g: Expr, variables: Sequence[Var]) -> Pencil | None:
-    """Returns both variables if g depends on two and is of degree 2 in them, else None."""
+    """Returns both variables if g depends on two and is of degree 2 in them, else None.
+
+    Not for two lines that are written as a product: where another pair shares one of them, the side on which that lies changes in between.
+    """
     mine = [v for v in variables if v in g.free]
+    if isinstance(g, Mul) and sum(bool(factor.free) for factor in g.children) > 1:
+        return None
     if len(mine) != 2 or Shadow(tuple(mine)).degree(g) != 2:
         return None
     try:
@@ -379,16 +386,19 @@ class _Curve:
         return integral_over(body, s, where(disjunction(_IS_NEAREST, _IS_FARTHEST), MINUS_ONE, const(CROSSING)), ONE)
 
     def at_crossing(self, coefficient: Expr) -> Expr:
-        """Returns ±inf if the integral diverges where two lines cross in the box, else 0. Candidates may cover that place."""
+        """Returns ±inf if the integral diverges where two lines cross in the box and no candidate covers that place, else 0."""
         (m, n), beta = self.frame.across, self.frame.beta
-        is_near = positive(sub(call("magnitude", beta), const(0.5 / REACH)))
+        is_near = positive(sub(call("magnitude", beta), const(0.5 / REACH)))  # the crossing, as far as the box is large
         away = div(const(-0.5), where(is_near, beta, ONE))
         steps = mul(n, away), mul(MINUS_ONE, m, away)
         boxes = zip(self.binders, self.form.middle, self.form.half, self.near.place, steps, strict=True)
         there = {b.var: add(c, mul(half, add(z, step))) for b, c, half, z, step in boxes}
-        (plain,) = replaced([coefficient], dict.fromkeys(marks_of(coefficient), ONE))
+        marks = list(dict.fromkeys(marks_of(coefficient)))
+        (plain,) = replaced([coefficient], dict.fromkeys(marks, ONE))
+        seen = mul(*(cast(Expr, substitute(mark, there)) for mark in marks))
         are_lines = negation(positive(call("magnitude", self.frame.h)))
-        return where(conjunction(are_lines, is_near), infinite_at(plain, there, self.binders), ZERO)
+        far = mul(const(LARGE), call("exact", mul(const(LARGE), sign_at(plain, there, self.binders), seen)))  # no inf·0, if it is covered
+        return where(conjunction(are_lines, is_near), far, ZERO)
 
 
 def _on_arc(g: Expr, variables: Sequence[Var], at: Sequence[Var]) -> Expr:
@@ -404,9 +414,7 @@ def _on_arc(g: Expr, variables: Sequence[Var], at: Sequence[Var]) -> Expr:
     return cast(Expr, substitute(moved, {along: mul(_at(parts[0], s), z), over: mul(_at(parts[1], s), z)}))
 
 
-def _cleared(
-    g: Expr, variables: tuple[Var, Var], parts: Sequence[Polynomial], sign: Expr, cleaned: bool = False
-) -> Polynomial | None:
+def _cleared(g: Expr, variables: tuple[Var, Var], parts: Sequence[Polynomial], sign: Expr, cleaned: bool = False) -> Polynomial | None:
     """Returns g(U/D, V/D)·(σD)ⁿ for a polynomial g of degree n, from U, V and D; None for other functions. With `cleaned`, coefficients
     are exactly 0 where they are rounding errors."""
     degree = Shadow(variables).degree(g)

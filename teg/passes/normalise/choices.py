@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import reduce
-from typing import Any, cast
+from typing import Any, NoReturn, cast
 
 from teg.analysis.kinks import value_nodes
 from teg.analysis.singularities import is_singular
@@ -243,12 +243,21 @@ def _nearest(candidates: list[tuple[Expr, Expr, Cond, Expr]], otherwise: Expr) -
 def _places(node: Ranged, reason: str) -> int:
     """Returns how many places a choice has."""
     most = most_of(node)
+    if most is None or most > MOST_WRITTEN[type(node)]:
+        raise_unwritten(node, reason)
+    return most
+
+
+def raise_unwritten(node: Ranged, reason: str) -> NoReturn:
+    """Raises NeedsLengths if the number of candidates is known at run time only, else ArrayIndexError: there are too many to be written
+    out."""
+    most = most_of(node)
     if most is None:
         raise NeedsLengths(node)
-    if most > MOST_WRITTEN[type(node)]:
-        what = {Nearest: "nearest", Sum: "nearest", AnyOf: "any or all", Product: "product"}[type(node)]
-        hint = "affine conditions and keys, and polynomials, over a box of one or two variables are loops over any number of candidates; "
-        hint += "of others, give every box the list of those that reach into it"
-        text = f"this {what} must be written out ({reason}), and has {most} candidates; {MOST_WRITTEN[type(node)]} at most"
-        raise ArrayIndexError(text, None if isinstance(node, Sum) else node, hint)
-    return most
+    kinds = {Nearest: "nearest", Sum: "nearest", AnyOf: "any or all", Product: "product"}
+    hint = "affine conditions and keys, and polynomials, over a box of one or two variables are loops over any number of candidates; "
+    hint += "of others, give every box the list of those that reach into it"
+    text = f"this {kinds.get(type(node), 'choice')} must be written out ({reason}), and has {most} candidates"
+    if type(node) in MOST_WRITTEN:
+        text += f"; {MOST_WRITTEN[type(node)]} at most"
+    raise ArrayIndexError(text, node if isinstance(node, CHOICES) else None, hint)

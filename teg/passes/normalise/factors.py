@@ -2,15 +2,44 @@
 
 from __future__ import annotations
 
+import math
+from itertools import product
+from typing import cast
+
 from teg.analysis.calculus import SMOOTH
 from teg.analysis.coincidence import short_form
 from teg.analysis.extents import extent
 from teg.analysis.limits import is_square
 from teg.ir import expr as ex
 from teg.ir import simplify
-from teg.ir.expr import Add, Call, Const, Expr, Mul, Pow, Where
-from teg.ir.node import postorder
-from teg.ir.simplify import add, mul
+from teg.ir.expr import Add, Call, Compare, Cond, Const, Expr, Mul, Pow, Where, const
+from teg.ir.node import Node, postorder
+from teg.ir.simplify import add, conjunction, disjunction, mul, positive
+from teg.ir.traverse import rewrite
+
+MOST_FACTORS = 4
+"""The largest number of factors with variables of which a product is taken apart: four have eight cases."""
+
+
+def with_single_factors(condition: Cond) -> Cond:
+    """Returns an equivalent condition in which the signs of factors stand for that of a product: (x - a)·(y - b) > 0 is x > a and y > b, or
+    neither. The borders of the factors meet in points."""
+
+    def visit(_: Node, new: Node) -> Node:
+        if not isinstance(new, Compare) or not isinstance(new.g, Mul) or new.resolution is not None:
+            return new
+        factors = [f for f in new.g.children if f.free]
+        if not 2 <= len(factors) <= MOST_FACTORS or any(isinstance(f, Pow | Where) for f in factors):
+            return new
+        fixed = mul(*(f for f in new.g.children if not f.free))
+        cases: list[Cond] = []
+        for signs in product((1.0, -1.0), repeat=len(factors)):
+            if math.prod(signs) > 0.0:
+                first, *rest = (mul(const(sign), f) for sign, f in zip(signs, factors, strict=True))
+                cases.append(conjunction(*(positive(f, new.strict) for f in (mul(fixed, first), *rest))))
+        return disjunction(*cases)
+
+    return cast(Cond, rewrite([condition], visit)[condition])
 
 
 def signed_factors(g: Expr) -> tuple[float, list[Expr]]:

@@ -30,6 +30,7 @@ from teg.ir.partition import Partition
 from teg.ir.simplify import add, integer_power, mul, where
 from teg.ir.traverse import substitute
 from teg.numerics.cells import MOST_DEGREE, MOST_GUARDS, Layout
+from teg.passes.normalise.factors import with_single_factors
 from teg.passes.normalise.piecewise import with_affine_atoms
 
 MOST_PARTS = 16
@@ -152,10 +153,11 @@ def one_choice(body: Expr) -> Choice:
 def _partition(body: Expr, box: _Box) -> Expr:
     choice = one_choice(indices_apart(body))  # so that candidates of one choice can be written with the index of another
     k = choice.over.index
-    condition = with_affine_atoms(choice.condition)
+    factored = with_single_factors(choice.condition)
+    condition, touching = with_affine_atoms(factored), factored is not choice.condition
     parts = _disjunctive(condition)
-    if len(parts) > 1 and condition is not choice.condition and can_be_written_out(choice.over):
-        raise Refused("alternatives that share borders have no second derivatives")
+    if len(parts) > 1 and ((condition is not factored and can_be_written_out(choice.over)) or (touching and _is_counted(choice.over))):
+        raise Refused("alternatives that share borders or corners have no second derivatives")
     guards = max(1, *(len(p) for p in parts))
     numbers: list[Expr] = []
     for part in parts:
@@ -165,7 +167,7 @@ def _partition(body: Expr, box: _Box) -> Expr:
     numbers += _key(choice.key, k, box)
     nothing = _has_nothing(choice.otherwise)
     degrees = [_degree(choice.value, box), 0 if nothing else _degree(choice.otherwise, box)]
-    layout = Layout(len(parts), guards, max(degrees))
+    layout = Layout(len(parts), guards, max(degrees), touching=touching)
     numbers += _coefficients(choice.value, box, layout.degree)
     if nothing:
         others: list[Expr] = [const(math.nan), *[ZERO] * (layout.coefficients - 1)]
@@ -183,8 +185,13 @@ def can_be_written_out(over: Ranged) -> bool:
     """Returns whether the number of candidates is known, when a program is compiled or when it is called, and small."""
     if any(isinstance(i, IndexGather | IndexParam | IndexVar) for i in index_leaves([over.lo, over.hi])):
         return False
+    return _is_counted(over) or not (isinstance(over.lo, IndexConst) and isinstance(over.hi, IndexConst))
+
+
+def _is_counted(over: Ranged) -> bool:
+    """Returns whether the number of candidates is known by now, and small."""
     counted = isinstance(over.lo, IndexConst) and isinstance(over.hi, IndexConst)
-    return not counted or over.hi.data - over.lo.data <= MOST_WRITTEN[type(over)]
+    return counted and over.hi.data - over.lo.data <= MOST_WRITTEN[type(over)]
 
 
 # -- conditions --------------------------------------------------------------------------------------------------------

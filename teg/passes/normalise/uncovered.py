@@ -29,6 +29,7 @@ from teg.ir.still import has_still, with_still_parameters
 from teg.ir.traverse import rewrite, substitute
 from teg.ir.uncovered import Uncovered
 from teg.passes.normalise.canonicalise import Canonical
+from teg.passes.normalise.factors import with_single_factors
 from teg.passes.normalise.partitions import NOTHING as NO_FORM
 from teg.passes.normalise.partitions import Choice, Refused, one_choice
 from teg.passes.normalise.piecewise import with_affine_atoms
@@ -78,7 +79,7 @@ def _term(body: Expr, bounds: Bounds) -> Expr:
         raise Refused("an integral or a sum stands beside it")
     choice = one_choice(indices_apart(body))
     variables = [x for x, _, _ in bounds]
-    condition = _with_polynomials(with_affine_atoms(choice.condition), variables)
+    condition = _with_polynomials(with_affine_atoms(with_single_factors(choice.condition)), variables)
     choice = choice._replace(condition=_without_zeros(condition, variables))
     if isinstance(choice.over, AnyOf):
         free = _uncovered(_range_of(choice), choice.condition, sub(choice.value, choice.otherwise), bounds)
