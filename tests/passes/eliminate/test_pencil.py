@@ -10,7 +10,9 @@ import pytest
 
 import teg
 from tests.passes.differentiate.candidates import ALL, BACKENDS, BOX, D, follows_edges, k, t, x, y
+from tests.references import hyperbolas
 from tests.references.ellipses import integral_over_union, random_ellipses, slopes, slopes_of_union
+from tests.references.hyperbolas import crossing_rows, random_rows, slope_of_union
 
 U, V = x - D[k, 0], y - D[k, 1]
 A, B, C = (D[k, i] for i in (2, 3, 4))
@@ -115,17 +117,58 @@ def test_conics_of_every_kind(backend: str) -> None:
     f = teg.compile(teg.integral(teg.bracket(teg.any(FORM > 0, ALL)), *BOX), [D], backend=backend)
     assert follows_edges(f)
     for name, (row, area, slopes_of_row) in KINDS.items():
-        rounding = 2e-11 if name == "line and line" else 1e-12  # adaptive integration to where the lines cross
-        assert f(D=[row]) == pytest.approx(area, abs=rounding), name
-        assert f(D=[[-e for e in row]]) == pytest.approx(0.0 if name == "nothing" else 1 - area, abs=rounding), name
+        assert f(D=[row]) == pytest.approx(area, abs=1e-12), name
+        assert f(D=[[-e for e in row]]) == pytest.approx(0.0 if name == "nothing" else 1 - area, abs=1e-12), name
         if slopes_of_row:
             gradient = f.grad(D=[row])["D"][0]
             assert [gradient[i] for i in slopes_of_row] == pytest.approx(list(slopes_of_row.values()), abs=1e-10), name
-    with pytest.warns(teg.AccuracyWarning, match="converge|not a number"):
-        f.grad(D=[[0.0, 1.0, 0.0, -0.5, -0.5, 0.25]])
+    cross, disk = [0.0, 1.0, 0.0, -0.5, -0.5, 0.25], [-1.0, 0.0, -1.0, 1.0, 1.0, 0.1 - 0.5]
+    assert f.grad(D=[cross])["D"].tolist() == [[np.inf] * 6]
+    assert f.grad(D=[cross, disk])["D"][0, 5] == pytest.approx(2 * np.log(2.5))  # the disk hides where the lines cross
     corner, disk = [0.0, -1.0, 0.0, 0.0, 0.0, 0.01], [-1.0, 0.0, -1.0, 1.4, 1.4, 0.04 - 0.98]
     both = 0.01 - 0.01 * np.log(0.01) + 0.04 * np.pi
     assert f(D=[corner, KINDS["nothing"][0], disk]) == pytest.approx(both, abs=1e-12)
+
+
+SIDED = D[k, 3] * (U * V - D[k, 2]) > 0
+SIDED_MEAN = teg.integral(teg.bracket(teg.any(SIDED, ALL)) * (1 + x * y), *BOX)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_hyperbolas_with_axes_along_the_box(backend: str) -> None:
+    f = teg.compile(SIDED_MEAN, [D], backend=backend)
+    assert follows_edges(f)
+    for n in (1, 2, 4):
+        rows, direction = random_rows(n, n), np.random.default_rng(n).normal(size=(n, 4)) * [1, 1, 1, 0]
+        value, gradient = f.value_and_grad(D=rows)
+        assert value == pytest.approx(hyperbolas.integral_over_union(rows), abs=1e-11)
+        assert (gradient["D"] * direction).sum() == pytest.approx(slope_of_union(rows, direction), abs=1e-8)
+
+
+@pytest.mark.filterwarnings("ignore:the derivative by D.*, 2. does not converge")
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_lines_that_cross(backend: str) -> None:
+    """A hyperbola whose level is 0: derivatives by its middle are finite, that by the level is infinite where the crossing is seen."""
+    f = teg.compile(SIDED_MEAN, [D], backend=backend)
+    for seed in range(8):
+        rows = crossing_rows(1 + seed % 3, seed)
+        direction = np.random.default_rng(seed).normal(size=rows.shape) * [1, 1, 0, 0]
+        value, gradient = f.value_and_grad(D=rows)
+        assert value == pytest.approx(hyperbolas.integral_over_union(rows), abs=1e-13)
+        assert (gradient["D"][:, :2] * direction[:, :2]).sum() == pytest.approx(slope_of_union(rows, direction), abs=1e-8)
+        assert len(rows) > 1 or gradient["D"][0, 2] == -rows[0, 3] * np.inf
+
+
+@pytest.mark.filterwarnings("ignore:the derivative by D.*, 2. does not converge")
+def test_lines_on_the_sides_of_the_box() -> None:
+    """The mean of moving such a line inwards and outwards: half of the strip's."""
+    f = teg.compile(teg.integral(teg.bracket(teg.any(SIDED, ALL)), *BOX), [D])
+    for a in (0.0, 1.0):
+        for b in (-0.2, 0.4, 1.0):
+            inside = min(max(b, 0.0), 1.0)
+            value, gradient = f.value_and_grad(D=[[a, b, 0.0, 1.0]])
+            assert value == pytest.approx(a * inside + (1 - a) * (1 - inside), abs=1e-13)
+            assert gradient["D"][0, 0] == pytest.approx(0.5 * (2 * inside - 1), abs=1e-12)
 
 
 def double_lines(number: int, seed: int) -> np.ndarray:
