@@ -115,7 +115,6 @@ ELSEWHERE = {
         "choices": "tests/ir/test_choices.py",
         "denominators": "tests/passes/normalise/test_canonicalise.py",
         "extremes": "tests/end_to_end/test_alike_terms.py",
-        "factors": "tests/passes/normalise/test_canonicalise.py",
         "inline": "tests/ir/test_function.py",
         "rows": "tests/end_to_end/test_alike_terms.py",
         "uncovered": "tests/passes/differentiate/test_edges.py",
