@@ -81,7 +81,7 @@ def between_exponentials(g: Expr, strict: bool) -> Cond | None:
     if not isinstance(g, Add) or len(g.children) > MOST_TERMS:
         return None
     coefficients: dict[Expr, list[Expr]] = {}
-    for term in cast("tuple[Expr, ...]", g.children):
+    for term in g.children:
         parts = _exponential(term)
         if parts is None:
             return None
@@ -101,12 +101,12 @@ def _exponential(term: Expr) -> tuple[Expr, Expr] | None:
     """Returns c and u of a term c·exp(u), where c has parameters only; None for others."""
     factors: list[Expr] = []
     exponents: list[Expr] = []
-    for f in cast("tuple[Expr, ...]", term.children) if isinstance(term, Mul) else (term,):
+    for f in term.children if isinstance(term, Mul) else (term,):
         base, k = (f.base, f.exponent) if isinstance(f, Pow) else (f, 1)
         if not f.free:
             factors.append(f)
         elif isinstance(base, Call) and base.name == "exp":
-            exponents.append(mul(const(k), cast(Expr, base.children[0])))
+            exponents.append(mul(const(k), base.children[0]))
         else:
             return None
     return mul(*factors), add(*exponents)
