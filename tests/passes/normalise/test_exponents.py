@@ -15,7 +15,7 @@ from teg.ir.integral import Integral
 from teg.ir.node import nodes_of
 from teg.passes.normalise.exponents import MOST_TERMS, with_common_exponents
 
-x, y = teg.vars("x y")
+x, y, t = teg.vars("x y t")
 s, a, b = teg.params("s a b")
 LINE = (-math.inf, math.inf)
 PLANE = ((y, *LINE), (x, *LINE))
@@ -40,10 +40,19 @@ def test_sums_are_multiplied_out() -> None:
     assert exponentials(teg.integral((0.5 * (teg.exp(s * x) + teg.exp(s * (x + y))) - a) * NORMAL, *PLANE)) == 3
 
 
+def test_factors_beside_an_integral() -> None:
+    together = teg.exp(-(x * x + y * y) / 2)
+    inner = teg.integral(teg.where(x < a, x * together, 0), (x, *LINE))
+    made = with_common_exponents(teg.integral(teg.exp(s * y) * inner, (y, *LINE)))
+    assert len(nodes_of(Call, made)) == 1
+    deeper = teg.integral(teg.exp(s * y) * teg.integral(t * inner, (t, 0, math.inf)), (y, *LINE))
+    assert len(nodes_of(Call, with_common_exponents(deeper))) == 1
+
+
 @pytest.mark.parametrize(
     "e",
     [
-        teg.integral(teg.exp(s * x) * NORMAL, *PLANE),  # a factor of one variable
+        teg.integral(teg.exp(s * x) * NORMAL, *PLANE),  # factors of one variable each
         teg.integral(teg.exp(-((x - y) ** 2)) * NORMAL, *PLANE),  # which falls off
         teg.integral(teg.exp(s * (x + y)) * NORMAL, (y, -8, 8), (x, -8, 8)),  # which is bounded
         teg.integral(teg.exp(s * x) * teg.exp(-x * x), (x, *LINE)),
@@ -124,3 +133,40 @@ def test_expectations(
         h = 1e-4
         far, near = ((exact(**{**AT, p: AT[p] + k * h}) - exact(**{**AT, p: AT[p] - k * h})) / (2 * k * h) for k in (2, 1))
         assert slopes[p] == pytest.approx((4 * near - far) / 3, abs=1e-8), p
+
+
+TOGETHER = teg.exp(-(x * x + y * y) / 2) / (2 * math.pi)
+CORRELATED = teg.exp(-(x * x - y * x + y * y) / 1.5) / (2 * math.pi * math.sqrt(0.75))  # by 1/2
+
+
+@pytest.mark.parametrize("order", [1, -1])
+@pytest.mark.parametrize(
+    ("integrand", "exact"),
+    [
+        (teg.bracket(x < a) * teg.exp(s * y) * TOGETHER, lambda s, a: math.exp(s * s / 2) * _below(a)),
+        (teg.bracket(x < y) * teg.exp(s * y) * TOGETHER, lambda s, a: math.exp(s * s / 2) * _below(s / math.sqrt(2))),
+        (teg.bracket(x < a) * teg.exp(s * y) * CORRELATED, lambda s, a: math.exp(s * s / 2) * _below(a - s / 2)),
+        (teg.maximum(teg.exp(s * x) - a * teg.exp(s * y), 0) * CORRELATED, lambda s, a: _correlated_exchange(s, a)),
+        (teg.maximum(teg.exp(s * x) - a * teg.exp(s * y), 0) * TOGETHER, lambda s, a: _correlated_exchange(s, a, 0.0)),
+    ],
+    ids=["a half", "a diagonal", "correlated", "correlated exchange", "exchange"],
+)
+def test_a_factor_that_the_inner_integral_does_not_have(integrand: teg.Expr, exact: Callable[[float, float], float], order: int) -> None:
+    """exp(s·y) stood outside of an integral whose integrand falls off in y: its value or gradient was no number."""
+    f = teg.compile(teg.integral(integrand, *PLANE[::order]))
+    at = {p: AT[p] for p in f.parameters}
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        value, slopes = f.value_and_grad(at)
+    s, a = AT["s"], AT["a"]
+    assert value == pytest.approx(exact(s, a), rel=1e-10)
+    h = 1e-4
+    for p, ds, da in (("s", h, 0.0), ("a", 0.0, h)):
+        far, near = ((exact(s + k * ds, a + k * da) - exact(s - k * ds, a - k * da)) / (2 * k * h) for k in (2, 1))
+        assert slopes.get(p, 0.0) == pytest.approx((4 * near - far) / 3, abs=1e-8), p
+
+
+def _correlated_exchange(s: float, a: float, correlation: float = 0.5) -> float:
+    spread = s * math.sqrt(2 - 2 * correlation)
+    middle = -math.log(a) / spread
+    return math.exp(s * s / 2) * (_below(middle + spread / 2) - a * _below(middle - spread / 2))
