@@ -55,6 +55,7 @@ from teg.passes.normalise.canonicalise import Canonical
 from teg.passes.normalise.centre import centred
 from teg.passes.normalise.corners import with_local_boxes
 from teg.passes.normalise.cuts import with_cuts
+from teg.passes.normalise.exponents import with_common_exponents
 from teg.passes.normalise.finite_bounds import with_finite_bounds
 from teg.passes.normalise.inline import write_out
 from teg.passes.normalise.order import with_few_roots
@@ -303,7 +304,8 @@ def _estimated_outputs(e: Expr, wrt: Sequence[Param], orders: int, estimator: Es
 def _together(outputs: Sequence[Expr], canonical: Canonical) -> list[Expr]:
     """Returns the outputs in canonical form: one surface is one expression, so that they share loops."""
     centred_outputs = [run_pass("centre", centred, released(output)) for output in outputs]
-    return list(cast(Tuple, run_pass("canonicalise", canonical, simplify.tuple_of(*centred_outputs))).children)
+    together = run_pass("exponents", with_common_exponents, simplify.tuple_of(*centred_outputs))
+    return list(cast(Tuple, run_pass("canonicalise", canonical, together)).children)
 
 
 def flat_program(

@@ -18,7 +18,7 @@ from itertools import count
 from typing import cast
 
 from teg.analysis.calculus import slope
-from teg.analysis.intervals import Enclosure, Interval
+from teg.analysis.intervals import Enclosure, Interval, product_of_endless
 from teg.errors import NotDifferentiableError
 from teg.ir.expr import MINUS_ONE, Add, Call, Cond, Expr, Mul, Pow, Var, const
 from teg.ir.node import postorder
@@ -70,6 +70,9 @@ class _FarEnclosure(Enclosure):
         super().__init__(box)
         self.x, self.endless_right, self.depth, self.refined = x, endless_right, depth, False
         self.number = count() if number is None else number
+
+    def _product(self, a: Interval, b: Interval) -> Interval:
+        return product_of_endless(a, b)
 
     def _interval(self, e: Expr) -> Interval:
         natural = super()._interval(e)

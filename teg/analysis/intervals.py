@@ -76,7 +76,7 @@ class Enclosure:
             case Add():
                 return add(*(p[0] for p in parts)), add(*(p[1] for p in parts))
             case Mul():
-                return reduce(_product, self._factors(e))
+                return reduce(self._product, self._factors(e))
             case Pow():
                 return _power(parts[0], e.exponent)
             case Apply() | ClosedForm():
@@ -87,6 +87,10 @@ class Enclosure:
                 return _hull(self._truth(e.condition), parts[0], parts[1])
             case _:
                 raise NotDifferentiableError("the values of this expression over an interval are not known", e)
+
+    def _product(self, a: Interval, b: Interval) -> Interval:
+        """Returns the bounds of a product."""
+        return _product(a, b)
 
     def _factors(self, e: Mul) -> list[Interval]:
         """Returns bounds of factors; of log u and a power of u together: where u is small, one is large and the product is not."""
@@ -142,7 +146,8 @@ def _sizes(u: Interval) -> Interval:
     return _most(ZERO, lo, _negative(hi)), _most(hi, _negative(lo))
 
 
-def _product(a: Interval, b: Interval) -> Interval:
+def _product(a: Interval, b: Interval, times: Callable[[Expr, Expr], Expr] = mul) -> Interval:
+    """Returns the bounds of a product; `times` multiplies ends."""
     if a[0] is not a[1] and b[0] is b[1]:
         a, b = b, a
     if a[0] is a[1]:  # a number
@@ -150,10 +155,19 @@ def _product(a: Interval, b: Interval) -> Interval:
         if isinstance(c, Const):
             ends = mul(c, b[0]), mul(c, b[1])
             return ends if c.data >= 0 else (ends[1], ends[0])
-        ends = mul(c, b[0]), mul(c, b[1])
+        ends = times(c, b[0]), times(c, b[1])
         return _least(*ends), _most(*ends)
-    corners = [mul(u, v) for u in a for v in b]
+    corners = [times(u, v) for u in a for v in b]
     return _least(*corners), _most(*corners)
+
+
+def product_of_endless(a: Interval, b: Interval) -> Interval:
+    """Returns the bounds of a product of factors that may have infinite bounds: 0·∞ is 0, because no factor is infinite."""
+    return _product(a, b, lambda u, v: where(disjunction(_is_null(u), _is_null(v)), ZERO, mul(u, v)))
+
+
+def _is_null(u: Expr) -> Cond:
+    return conjunction(positive(u, strict=False), positive(_negative(u), strict=False))
 
 
 def _power(u: Interval, k: int) -> Interval:

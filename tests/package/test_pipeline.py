@@ -28,7 +28,7 @@ def test_every_pass_can_be_dumped(monkeypatch: pytest.MonkeyPatch, capsys: pytes
     teg.compile(teg.diff(E, t) + E).grad_and_error(t=0.4, a=0.5)
     seen = set(after(capsys.readouterr().err))
     named = [*to_atoms(True, (), Canonical()), *eliminations(True, (), Canonical()), *to_finished(errors=True)]
-    assert {name for name, _ in named} | {"around poles", "adjoint", "differentiate", "exact", "centre", "lower"} == seen
+    assert {name for name, _ in named} | {"around poles", "adjoint", "differentiate", "exact", "centre", "exponents", "lower"} == seen
 
 
 def test_one_pass_is_dumped_where_it_is_named(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

@@ -46,7 +46,7 @@ from teg.passes.normalise.denominators import cleared, cleared_delta, has_variab
 from teg.passes.normalise.factors import signed_factors, without_squares
 from teg.passes.normalise.quotients import with_whole_branches
 from teg.passes.normalise.radicals import without_radical
-from teg.passes.normalise.thresholds import without_threshold
+from teg.passes.normalise.thresholds import between_exponentials, without_threshold
 
 MAX_HOISTED = 6
 FEW_TERMS = 4
@@ -134,6 +134,8 @@ class Canonical:
         if len(factors) == 1 and sign and (level := without_threshold(mul(const(sign), factors[0]))) is not None:
             always, beyond, counts = level
             return disjunction(always, conjunction(counts, self._atom(beyond, strict, hoists)))
+        if len(factors) == 1 and sign and (larger := between_exponentials(mul(const(sign), factors[0]), strict)) is not None:
+            return self._each_atom(larger, hoists)
         varying, fixed = [f for f in factors if f.free], [f for f in factors if not f.free]
         whole = mul(const(sign), varying[0]) if len(varying) == 1 and sign else g
         if self._keys.of(whole) not in self._singular and (polynomials := without_radical(whole, strict)) is not None:
