@@ -29,9 +29,10 @@ def new_bit() -> int:
 class Node:
     """A class, some data (hashable, not a node unless it is a binder's variable) and children."""
 
-    __slots__ = ("__weakref__", "_digest", "children", "data", "free", "has_delta", "has_integral", "kinds")
+    __slots__ = ("__weakref__", "_digest", "_residue", "children", "data", "free", "has_delta", "has_integral", "kinds")
 
     _digest: int | None
+    _residue: int | None  # of an expression, in a finite field (`teg.analysis.polynomial`), once it was asked for
     children: tuple[Node, ...]
     data: Any
     free: frozenset[Any]  # the variables of integration that occur free
@@ -85,8 +86,8 @@ class Node:
 
 
 _new = object.__new__
-_set_data, _set_children, _set_free, _set_kinds, _set_has_delta, _set_has_integral, _set_digest = (
-    vars(Node)[name].__set__ for name in ("data", "children", "free", "kinds", "has_delta", "has_integral", "_digest")
+_set_data, _set_children, _set_free, _set_kinds, _set_has_delta, _set_has_integral, _set_digest, _set_residue = (
+    vars(Node)[name].__set__ for name in ("data", "children", "free", "kinds", "has_delta", "has_integral", "_digest", "_residue")
 )
 """What sets the slots of a new node: `object.__setattr__` would look for each of them by its name."""
 
@@ -236,6 +237,16 @@ def digest(node: Node) -> int:
                     h.update((c._digest or 0).to_bytes(8, "little"))
                 _set_digest(n, int.from_bytes(h.digest(), "little"))
     return node._digest or 0
+
+
+def kept_residue(node: N, compute: Callable[[N], int | None]) -> int | None:
+    """Returns the residue of a node, which depends on its structure only; it is computed once."""
+    try:
+        return node._residue
+    except AttributeError:
+        found = compute(node)
+        _set_residue(node, found)
+        return found
 
 
 def _stable(data: Any) -> str:

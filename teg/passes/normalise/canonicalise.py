@@ -345,7 +345,7 @@ def inner_condition(g: Expr) -> Cond | None:
     seen: set[Expr] = set()
     while stack:
         node = stack.pop()
-        if node in seen:
+        if node in seen or not node.kinds & Where.bit:
             continue
         seen.add(node)
         if isinstance(node, Where):
