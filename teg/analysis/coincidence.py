@@ -143,9 +143,10 @@ def _places_on(g: Expr) -> tuple[tuple[str, Expr, int], ...]:
     """
     symbols = sorted((n for n in postorder([g]) if isinstance(n, Var | Param)), key=lambda n: isinstance(n, Param))
     for pivot in symbols:
-        places = [(trial, pivot, _affine_zero(g, pivot, trial)) for trial in ("0", "1")]
-        if all(place is not None for _, _, place in places) and not _is_everywhere(g, *places[0]):
-            return cast("tuple[tuple[str, Expr, int], ...]", tuple(places))
+        first = _affine_zero(g, pivot, "0")
+        second = None if first is None else _affine_zero(g, pivot, "1")
+        if first is not None and second is not None and not _is_everywhere(g, "0", pivot, first):
+            return ("0", pivot, first), ("1", pivot, second)
     for v in symbols:
         if isinstance(v, Var) and 2 <= (Shadow((v,)).degree(g) or 0) <= MAX_ROOT_DEGREE:
             roots = ((str(trial), one_root(_coefficients(g, v, str(trial)))) for trial in range(TRIALS))
@@ -161,12 +162,12 @@ def _affine_zero(g: Expr, pivot: Expr, trial: str) -> int | None:
     return divided(-zero, one - zero)
 
 
-def _is_everywhere(g: Expr, trial: str, pivot: Expr, place: int | None) -> bool:
+def _is_everywhere(g: Expr, trial: str, pivot: Expr, place: int) -> bool:
     """Returns whether g is 0 there whatever its variables are, as a·(y - b) is at a = 0: that is no point of the surface."""
     if not g.free or isinstance(pivot, Var):
         return False
     others = {v: Point(trial + " moved").value(v) for v in g.free}
-    return Point(trial, {pivot: cast(int, place), **{v: cast(int, k) for v, k in others.items()}}).value(g) == 0
+    return Point(trial, {pivot: place, **{v: cast(int, k) for v, k in others.items()}}).value(g) == 0
 
 
 def _coefficients(g: Expr, v: Var, salt: str = "") -> list[int]:

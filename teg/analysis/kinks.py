@@ -13,13 +13,14 @@ from collections.abc import Container
 from typing import cast
 
 from teg.analysis.polynomial import Point
-from teg.ir.expr import MINUS_ONE, Add, Call, Compare, Cond, Expr, Mul, Pow, Var, Where
+from teg.ir.expr import MINUS_ONE, Add, Call, Compare, Cond, Expr, Mul, Pow, Var, Where, called
 from teg.ir.node import Node
 from teg.ir.simplify import call, mul, positive, sub, where
 from teg.ir.traverse import rebuild
 from teg.numerics.field import P, divided, sign_of_residue
 
 EXTREMES = ("magnitude", "min", "max")
+_EXTREMES = called(*EXTREMES)
 """The functions with kinks."""
 
 
@@ -101,6 +102,8 @@ class Extremes:
 
 def without_extremes(f: Expr, x: Var) -> Expr:
     """Returns f with its extremes of functions of x, in value position, written as branches."""
+    if not f.kinds & _EXTREMES:
+        return f
     new: dict[Expr, Expr] = {}
     for node in value_nodes(f):
         result = cast(Expr, rebuild(node, tuple([new.get(cast(Expr, c), c) for c in node.children])))

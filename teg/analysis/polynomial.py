@@ -15,7 +15,7 @@ from typing import cast
 from teg.ir.expr import Add, Call, Const, Expr, Mul, Param, Pow, Still, Var, Where
 from teg.ir.function import Apply, Function
 from teg.ir.integral import Integral
-from teg.ir.node import digest, postorder
+from teg.ir.node import digest, kept_residue, postorder
 from teg.numerics.field import P, inverse, residue, residue_of_float
 
 _OPERATIONS = (Add, Mul, Pow, Call)
@@ -178,6 +178,7 @@ class Shadow:
     ) -> None:
         self._kinks = kinks
         self._point = Point(salt)
+        self._is_usual = not salt
         self.variables = tuple(variables)
         self._index = {v: i for i, v in enumerate(self.variables)}
         self._integral = integral
@@ -194,7 +195,7 @@ class Shadow:
                 node = stack[-1]
                 if node not in known:
                     if node.free.isdisjoint(self._index):
-                        value = self._point.value(node)
+                        value = kept_residue(node, self._point.value) if self._is_usual else self._point.value(node)
                         known[node] = None if value is None else ({self._one: value} if value else {}, self._unit)
                     elif missing := [c for c in value_children(node) if c not in known]:
                         stack.extend(missing)

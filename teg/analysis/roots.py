@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import cast
 
 from teg.analysis.calculus import slope
@@ -200,6 +201,7 @@ def _is_coarse(normal: Expr, scale: float = 1.0) -> bool:
     return any(abs(n.data) > COARSE * scale for n in nodes_of(Const, normal))
 
 
+@lru_cache(maxsize=256)
 def quadratic_roots(g: Expr, x: Var, origin: Expr = ZERO) -> tuple[Root, ...]:
     """Returns both roots. If A is a number and m = -B/2A cannot be much larger than a root, they are m ± s, which is
     as exact and smoother."""

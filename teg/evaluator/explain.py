@@ -88,17 +88,17 @@ def explained(e: Expr, wrt: Sequence[Parameter] | None, asked: Asked) -> Explana
     counted, arrays = integer_parameters(e), [a for a in arrays_of(e) if isinstance(a, Array)]
     chosen: list[Parameter] = [*(p for p in parameters(e) if p not in set(counted)), *arrays] if wrt is None else list(wrt)
     try:
-        plain, edges = followed(outlined(e, asked.estimator.name == "exact"), chosen)
+        plain, edges, slopes = followed(outlined(e, asked.estimator.name == "exact"), chosen)
     except NeedsLengths:
         lengths = [n for node in postorder([e]) for n in index_leaves(integers_of(node)) if isinstance(n, Length)]
         assumed: dict[Index, Index] = {n: index_const(ASSUMED) for n in lengths}
         bounded = with_most(e, dict.fromkeys(ranges_of_data(e), ASSUMED))
         plain, asked = outlined(replace_integers(bounded, assumed)), replace(asked, assumed_length=ASSUMED)
-        edges = {}
+        edges, slopes = {}, {}
     leaves = tuple(dict.fromkeys([*chosen, *parameters(e), *counted, *arrays_of(e)]))
     how = asked.integration, asked.estimator, tuple(asked.maps)
     task = Task(plain, tuple(chosen), leaves, (), *how, edges=tuple(edges.items()))
-    derivation = Derivation(task)
+    derivation = Derivation(task, slopes)
 
     def program_of(orders: int) -> ArrayProgram:
         return cast(ArrayProgram, derivation.program(ORDERS[orders]))

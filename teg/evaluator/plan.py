@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import threading
 import weakref
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import NamedTuple, cast
@@ -32,7 +32,7 @@ from teg.ir.arrays import Array, has_arrays
 from teg.ir.cells import replaced
 from teg.ir.expr import ZERO, Expr, Param, Var
 from teg.ir.index import ArrayName
-from teg.ir.node import Node, postorder
+from teg.ir.node import Node, nodes_of, postorder
 from teg.ir.partition import Partition
 from teg.ir.still import has_still, released
 from teg.ir.traverse import size
@@ -57,6 +57,7 @@ from teg.passes.program.errors_in_loops import with_array_error_estimates
 from teg.passes.program.link import with_bodies
 from teg.pipeline import (
     ESTIMATORS,
+    PLAIN,
     Begun,
     Elimination,
     begun,
@@ -162,9 +163,9 @@ class Task:
 
 
 class Derivation:
-    """Outputs and programs of one task, by the wanted derivatives."""
+    """Outputs and programs of one task, by the wanted derivatives. `slopes` has gradients that are known already, by the value."""
 
-    def __init__(self, task: Task) -> None:
+    def __init__(self, task: Task, slopes: Mapping[Expr, list[Expr]] | None = None) -> None:
         self.task = task
         self.entries = flatten(task.expression)
         self.first_only = not task.estimator.has_all_orders
@@ -172,6 +173,11 @@ class Derivation:
         self._begun: Kept[Expr, Begun] = Kept(1)
         self._outputs: Kept[tuple[Wanted, int | None], list[Expr]] = Kept()
         self._programs: Kept[tuple[Wanted, int | None, bool, Integration], Program | ArrayProgram] = Kept()
+        self._slopes: Kept[tuple[Expr, bool], list[Expr]] = Kept()
+        self._places: Kept[tuple[tuple[Expr, ...], tuple[str, ...], Var, Integration], Program] = Kept()
+        if slopes and task.estimator.name == "exact" and task.elimination == PLAIN:
+            for value, known in slopes.items():
+                self._slopes.put((value, False), known)
 
     def outputs(self, wanted: Wanted, entry: int | None = None) -> list[Expr]:
         """Returns the outputs of a program without loops, without δ: value, gradient, Hessian (up to the given order)."""
@@ -264,11 +270,13 @@ class Derivation:
             return replace(program, weighs_ties=is_second(wanted))
 
         def places(cells: Sequence[Expr], names: Sequence[str], line: Var) -> Program:
-            numbers = [released(canonicalise(c)) for c in cells]
-            if len(numbers) == 1:
-                program = schedule_matters(numbers[0], line, names, how)
-            else:
-                program = schedule_places(Candidate(numbers[0], numbers[1], tuple(numbers[2:])), line, names, how)
+            def made() -> Program:
+                numbers = [released(canonicalise(c)) for c in cells]
+                if len(numbers) == 1:
+                    return schedule_matters(numbers[0], line, names, how)
+                return schedule_places(Candidate(numbers[0], numbers[1], tuple(numbers[2:])), line, names, how)
+
+            program = self._places.get((tuple(cells), tuple(names), line, how), made)  # values and derivatives have most of them in common
             return program if unfinished else finished(program)
 
         scalars = [p.name for p in arguments if isinstance(p, Param)]
@@ -293,7 +301,9 @@ class Derivation:
         sources += [self._tangent(leaf, wanted) for leaf in entries] if wanted.along else []
         exact = task.estimator.name == "exact"
         for source in sources:
-            for p, slope in zip(task.wrt, gradient(source, task.wrt, derive, exact, last=tables), strict=True):
+            last = tables and bool(nodes_of(Partition, source))  # nothing else has a last derivative of its own
+            slopes = self._slopes.get((source, last), partial(gradient, source, task.wrt, derive, exact, last))
+            for p, slope in zip(task.wrt, slopes, strict=True):
                 slope = task.computed(slope)
                 if slope.has_delta:  # a tangent is also a value, as a factor of another derivative
                     slope = on_cells(slope, normal)
@@ -359,12 +369,9 @@ class Plan:
         abstract, self.functions = (with_sums_of_integers(e), ()) if in_loops else with_slots(write_out(e))
         how = options.integration, options.estimator, tuple(options.maps)
         source = None if source is None else with_sums_of_integers(source)
-        edges: dict[Node, Expr] = {}
-        if in_loops:
-            abstract, edges = followed(abstract, self.wrt)
-        self.derivation = _derivation(Task(abstract, self.wrt, self.leaves, self.integers, *how, source, tuple(edges.items())))
+        self.derivation = _derivation(Task(abstract, self.wrt, self.leaves, self.integers, *how, source))
         self.entries, self.has_loops = flatten(e), self.derivation.has_loops
-        self._touching = [n for n in postorder([e]) if isinstance(n, Partition) and n.layout.touching]
+        self._touching = [n for n in nodes_of(Partition, e) if n.layout.touching]
         self._written: Kept[None, Plan] = Kept(1)
         self._refused: Kept[Wanted, str] = Kept()
         self._linked: Kept[tuple[Wanted, int | None, bool, Integration | None], Program] = Kept()
@@ -432,22 +439,28 @@ class Plan:
         return self._linked.get((wanted, entry, errors, how), linked)
 
 
-def followed(e: Expr, wrt: Sequence[Parameter]) -> tuple[Expr, dict[Node, Expr]]:
-    """Returns a program, and what integrals over what candidates do not cover are along the edges of these. If values, or derivatives by
-    these parameters, cannot be computed so, candidates are written out. Raises NeedsLengths."""
+class Followed(NamedTuple):
+    """A program, what integrals over what candidates do not cover are along the edges of these, and the gradient of each entry."""
+
+    expression: Expr
+    edges: Mapping[Node, Expr] = {}
+    slopes: Mapping[Expr, list[Expr]] = {}
+
+
+def followed(e: Expr, wrt: Sequence[Parameter]) -> Followed:
+    """Returns a program whose candidates are followed along their edges. If values, or derivatives by these parameters, cannot be computed
+    so, candidates are written out. Raises NeedsLengths."""
 
     def derive(cell: Expr, wrt: Sequence[Param]) -> list[Expr]:
         return flatten(compiled_outputs(cell, wrt, 1, ESTIMATORS["exact"])[1])
 
-    if not any(isinstance(n, Uncovered) for n in postorder([e])):
-        return e, {}
+    if not nodes_of(Uncovered, e):
+        return Followed(e)
     try:
         edges = values_along_edges(e, derive)
-        for entry in flatten(e) if wrt else ():
-            gradient(entry, wrt, derive)
-        return e, edges
+        return Followed(e, edges, {entry: gradient(entry, wrt, derive) for entry in (flatten(e) if wrt else ())})
     except Refused as refused:
-        return without_uncovered(e, refused.reason), {}
+        return Followed(without_uncovered(e, refused.reason))
 
 
 def _has_loops(e: Expr, leaves: Sequence[Param | ArrayName], integers: Sequence[Param]) -> bool:
@@ -456,14 +469,22 @@ def _has_loops(e: Expr, leaves: Sequence[Param | ArrayName], integers: Sequence[
 
 
 def _derivation(task: Task) -> Derivation:
-    """Returns the derivation of a task: that of another plan with the same task, if there is one."""
+    """Returns the derivation of a task: that of another plan with the same task, if there is one.
+
+    Candidates of the task are followed along their edges, if they can be.
+    """
     with _lock:
         found = _derivations.get(task)
-        if found is None:
-            found = _derivations[task] = Derivation(task)
-        else:
-            log.debug("a derivation is shared with another program")
-    return found
+    if found is not None:
+        log.debug("a derivation is shared with another program")
+        return found
+    own, slopes = task, None
+    if _has_loops(task.expression, task.leaves, task.integers):
+        expression, edges, slopes = followed(task.expression, task.wrt)
+        own = replace(task, expression=expression, edges=tuple(edges.items()))
+    made = Derivation(own, slopes)
+    with _lock:
+        return _derivations.setdefault(task, made)
 
 
 def _renamed(p: Parameter, name: str) -> Parameter:

@@ -29,9 +29,10 @@ def new_bit() -> int:
 class Node:
     """A class, some data (hashable, not a node unless it is a binder's variable) and children."""
 
-    __slots__ = ("__weakref__", "_digest", "children", "data", "free", "has_delta", "has_integral", "kinds")
+    __slots__ = ("__weakref__", "_digest", "_residue", "children", "data", "free", "has_delta", "has_integral", "kinds")
 
     _digest: int | None
+    _residue: int | None  # of an expression, in a finite field (`teg.analysis.polynomial`), once it was asked for
     children: tuple[Node, ...]
     data: Any
     free: frozenset[Any]  # the variables of integration that occur free
@@ -84,6 +85,13 @@ class Node:
         return (_rebuild, ([(type(n), n.data, tuple(number[c] for c in n.children)) for n in order],))
 
 
+_new = object.__new__
+_set_data, _set_children, _set_free, _set_kinds, _set_has_delta, _set_has_integral, _set_digest, _set_residue = (
+    vars(Node)[name].__set__ for name in ("data", "children", "free", "kinds", "has_delta", "has_integral", "_digest", "_residue")
+)
+"""What sets the slots of a new node: `object.__setattr__` would look for each of them by its name."""
+
+
 class _Entry(weakref.ref[Node]):
     """A weak reference that knows the key of its node."""
 
@@ -103,18 +111,17 @@ def _interned(key: tuple[type[Node], Any, tuple[Node, ...]]) -> Node:
         node = None if entry is None else entry()
         if node is None:
             cls, data, children = key
-            node = object.__new__(cls)
-            fix = object.__setattr__
-            fix(node, "data", data)
-            fix(node, "children", children)
-            fix(node, "_digest", None)
-            fix(node, "free", node._free_variables())
+            node = _new(cls)
+            _set_data(node, data)
+            _set_children(node, children)
+            _set_digest(node, None)
+            _set_free(node, node._free_variables())
             kinds = node._own_kinds()
             for c in children:
                 kinds |= c.kinds
-            fix(node, "kinds", kinds)
-            fix(node, "has_delta", kinds & _DELTA != 0)
-            fix(node, "has_integral", kinds & _INTEGRAL != 0)
+            _set_kinds(node, kinds)
+            _set_has_delta(node, kinds & _DELTA != 0)
+            _set_has_integral(node, kinds & _INTEGRAL != 0)
             _table[key] = entry = _Entry(node, _forget)
             entry.key = key
     return node
@@ -123,8 +130,9 @@ def _interned(key: tuple[type[Node], Any, tuple[Node, ...]]) -> Node:
 def _forget(entry: _Entry, table: dict[Any, _Entry] = _table, lock: threading.RLock = _lock) -> None:
     """Removes a dead node from the table, unless its key has another one by now. Works while Python shuts down, without globals."""
     with lock:
-        if table.get(entry.key) is entry:
-            del table[entry.key]
+        found = table.pop(entry.key, entry)
+        if found is not entry:
+            table[entry.key] = found
 
 
 def union(sets: list[frozenset[Any]]) -> frozenset[Any]:
@@ -227,8 +235,18 @@ def digest(node: Node) -> int:
                 h = hashlib.blake2b(text.encode(), digest_size=8)
                 for c in n.children:
                     h.update((c._digest or 0).to_bytes(8, "little"))
-                object.__setattr__(n, "_digest", int.from_bytes(h.digest(), "little"))
+                _set_digest(n, int.from_bytes(h.digest(), "little"))
     return node._digest or 0
+
+
+def kept_residue(node: N, compute: Callable[[N], int | None]) -> int | None:
+    """Returns the residue of a node, which depends on its structure only; it is computed once."""
+    try:
+        return node._residue
+    except AttributeError:
+        found = compute(node)
+        _set_residue(node, found)
+        return found
 
 
 def _stable(data: Any) -> str:

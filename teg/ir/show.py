@@ -60,6 +60,12 @@ def show_within(root: Node, limit: int) -> str | None:
     return text[root][0]
 
 
+def shortened(root: Node, length: int) -> str:
+    """Returns the first characters of the expression as one line; what its operation is, if that line is much longer."""
+    text = show_within(root, 20 * length)
+    return (_operation(root) if text is None else text)[:length]
+
+
 def _wrapped(part: tuple[str, int], at_least: int) -> str:
     return part[0] if part[1] >= at_least else f"({part[0]})"
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterable, Mapping
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from typing import Any, TypeVar, cast
 
 from teg.ir import simplify
@@ -127,20 +127,26 @@ def rewrite_below(roots: Iterable[Node], replacement: Callable[[Node], Node | No
     """Returns the map from old nodes to new ones: a node with a replacement becomes that, and its inside is not visited; others are
     rebuilt."""
     new: dict[Node, Node] = {}
-    stack: list[Node] = list(roots)
-    while stack:
-        node = stack[-1]
-        if node in new:
-            stack.pop()
-        elif (other := replacement(node)) is not None:
-            new[node] = other
-            stack.pop()
-        elif missing := [c for c in node.children if c not in new]:
-            stack.extend(missing)
+    path: list[Node] = []  # from a root to the current node
+    unvisited: list[Iterator[Node]] = []  # the nodes still to visit, for each node on the path and for the roots
+    waiting = iter(roots)
+    while True:
+        for node in waiting:
+            if node in new:
+                continue
+            other = replacement(node)
+            if other is None and node.children:
+                path.append(node)
+                unvisited.append(waiting)
+                waiting = iter(node.children)
+                break
+            new[node] = node if other is None else other
         else:
-            new[node] = rebuild(node, tuple(new[c] for c in node.children))
-            stack.pop()
-    return new
+            if not unvisited:
+                return new
+            node = path.pop()
+            new[node] = rebuild(node, tuple([new[c] for c in node.children]))
+            waiting = unvisited.pop()
 
 
 def replace_node(root: Node, old: Node, new: Node) -> Node:

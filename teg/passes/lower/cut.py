@@ -28,18 +28,16 @@ class Part(NamedTuple):
 def parts_of(program: Program, depths: Sequence[int], levels: Sequence[int]) -> list[Part]:
     """Returns the parts of a program whose parameters are known so deep, for loops of these depths, outermost first."""
     depth: dict[str, int] = {f"p{k}": d for k, d in enumerate(depths)}
-    home: list[int] = []
+    blocks: dict[int, list[Stmt]] = {at: [] for at in levels}
+    readers: dict[str, set[int]] = {o: {-1} for o in program.outputs if isinstance(o, str)}  # an output is needed elsewhere
     for stmt in program.body:
-        here = levels[-1] if has_ties((stmt,)) else max((depth[n] for n in free_names(stmt)), default=0)
-        home.append(here)
+        read = free_names(stmt)
+        here = levels[-1] if has_ties((stmt,)) else max((depth[n] for n in read), default=0)
+        blocks[here].append(stmt)
         depth.update(dict.fromkeys(assigned(stmt), here))
-    asked = [o for o in dict.fromkeys(program.outputs) if isinstance(o, str)]
-    parts: list[Part] = []
-    for at in levels:
-        block = tuple(s for s, here in zip(program.body, home, strict=True) if here == at)
-        elsewhere = {n for s, here in zip(program.body, home, strict=True) if here != at for n in free_names(s)}
-        parts.append(Part(at, block, [n for s in block for n in assigned(s) if n in elsewhere or n in asked]))
-    return parts
+        for n in read:
+            readers.setdefault(n, set()).add(here)
+    return [Part(at, tuple(block), [n for s in block for n in assigned(s) if readers.get(n, {at}) - {at}]) for at, block in blocks.items()]
 
 
 def program_of(part: Part, program: Program) -> tuple[Program, list[str]]:

@@ -102,7 +102,7 @@ def _weights_in(e: Expr, weight: Expr) -> list[tuple[Unit | TableUnit | Sum, Exp
 
 
 def has_units(root: Node) -> bool:
-    return any(isinstance(n, Unit | TableUnit) for n in outside_of(set(), [root]))
+    return bool(root.kinds & (Unit.bit | TableUnit.bit)) and any(isinstance(n, Unit | TableUnit) for n in outside_of(set(), [root]))
 
 
 def outside_of(known: set[Ranged], roots: Sequence[Node]) -> list[Node]:

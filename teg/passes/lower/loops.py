@@ -38,6 +38,7 @@ from teg.ir.index import (
 from teg.ir.integral import Integral
 from teg.ir.node import Node, postorder
 from teg.ir.partition import Partition, Pullback, SeenSum
+from teg.ir.show import shortened
 from teg.ir.tables import RowSum, Table, TableUnit
 from teg.numerics.cells import Layout
 from teg.passes.lower.cut import parts_of, program_of
@@ -125,7 +126,7 @@ class _ArrayScheduler:
         self._sources = _sources(differentiated)
         self._number = {a: k for k, a in enumerate(self.arrays)}
         self._count = 0
-        self._title: Callable[[Expr], str] = cache(lambda leaf: str(leaf)[:60])
+        self._title: Callable[[Expr], str] = cache(lambda leaf: shortened(leaf, 60))
         self._depth: dict[Arg, int] = {}  # by name: the level where it is defined
         self._open: dict[Node, frozenset[IndexVar]] = {}
         self._sloped: set[Node] = set()  # partitions of which derivatives are used

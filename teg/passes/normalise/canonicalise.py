@@ -27,7 +27,7 @@ from typing import cast
 from teg.analysis.antiderivative import integrated
 from teg.analysis.coincidence import without_denominators
 from teg.analysis.expanded import shorter_form
-from teg.analysis.extents import extent
+from teg.analysis.extents import Extents
 from teg.analysis.jumps import assign
 from teg.analysis.kinks import Extremes, Kinks, kinks_of, value_nodes
 from teg.analysis.polynomial import Shadow
@@ -72,6 +72,7 @@ class Canonical:
         self._extremes = Extremes()
         self._keys = Keys()
         self._singular: set[object] = set()
+        self._extents = Extents(dict)  # for all numbers
 
     def copied(self) -> Canonical:
         """Returns the same, which meets other surfaces apart."""
@@ -79,7 +80,7 @@ class Canonical:
         other._surfaces = self._surfaces.copied()
         other._points = other._surfaces.points
         other._scaled, other._new, other._singular = dict(self._scaled), dict(self._new), set(self._singular)
-        other._extremes, other._keys = self._extremes, self._keys
+        other._extremes, other._keys, other._extents = self._extremes, self._keys, self._extents
         return other
 
     def __call__(self, root: Expr) -> Expr:
@@ -143,14 +144,15 @@ class Canonical:
                 return self._each_atom(polynomials, hoists)
             opposite = without_radical(mul(MINUS_ONE, whole), strict)
             sides = self._each_atom(polynomials, hoists), self._each_atom(cast(Cond, opposite), hoists)
-            return _product([self._surfaces.representative(f) for f in fixed], strict, sides)
+            return self._product([self._surfaces.representative(f) for f in fixed], strict, sides)
         found = [self._representatives(factor) for factor in factors]
         surfaces, sign = without_squares([s for own, _ in found for s in own], sign)
         denominators, sign = without_squares([s for _, under in found for s in under], sign, parameters_too=True)
         surfaces += denominators
         if not surfaces:
             return TRUE if sign > 0 or (sign == 0 and not strict) else FALSE
-        return _product(surfaces[:-1], strict, (_side(surfaces[-1], strict, sign > 0), _side(surfaces[-1], strict, sign < 0)))
+        above, below = (self._side(surfaces[-1], strict, upward) for upward in (sign > 0, sign < 0))
+        return self._product(surfaces[:-1], strict, (above, below))
 
     def _each_atom(self, condition: Cond, hoists: int) -> Cond:
         """Returns a condition with its atoms canonical."""
@@ -206,6 +208,26 @@ class Canonical:
             return [(surface, same)], []
         sign_below, factors = signed_factors(below)
         return [(known, sign * sign_below > 0)], [self._surfaces.representative(f) for f in factors]
+
+    def _product(self, surfaces: Sequence[tuple[Expr, bool]], strict: bool, sides: tuple[Cond, Cond]) -> Cond:
+        """Returns the condition that the product of surfaces and of a factor, whose two sides are known, is positive."""
+        above, below = sides
+        for surface in reversed(surfaces):
+            plus, minus = self._side(surface, strict, True), self._side(surface, strict, False)
+            above, below = (
+                disjunction(conjunction(plus, above), conjunction(minus, below)),
+                disjunction(conjunction(plus, below), conjunction(minus, above)),
+            )
+        return above
+
+    def _side(self, surface: tuple[Expr, bool], strict: bool, upward: bool) -> Cond:
+        """Returns [g > 0] (or >=), or [g < 0], as a condition on the representative of a surface."""
+        g, same = surface
+        if isinstance(g, Const):
+            return positive(g if upward else mul(MINUS_ONE, g), strict)
+        if strict and upward != same and not g.free and self._extents.of(g)[0] >= 0.0:
+            return FALSE
+        return positive(g, strict) if upward == same else negation(positive(g, not strict))
 
     # -- integrals -----------------------------------------------------------------------------------------------------
 
@@ -300,28 +322,6 @@ def _has_formula(g: Expr) -> bool:
     return any(Shadow((v,)).degree(g) in (1, 2) for v in g.free)
 
 
-def _product(surfaces: Sequence[tuple[Expr, bool]], strict: bool, sides: tuple[Cond, Cond]) -> Cond:
-    """Returns the condition that the product of surfaces and of a factor, whose two sides are known, is positive."""
-    above, below = sides
-    for surface in reversed(surfaces):
-        plus, minus = _side(surface, strict, True), _side(surface, strict, False)
-        above, below = (
-            disjunction(conjunction(plus, above), conjunction(minus, below)),
-            disjunction(conjunction(plus, below), conjunction(minus, above)),
-        )
-    return above
-
-
-def _side(surface: tuple[Expr, bool], strict: bool, upward: bool) -> Cond:
-    """Returns [g > 0] (or >=), or [g < 0], as a condition on the representative of a surface."""
-    g, same = surface
-    if isinstance(g, Const):
-        return positive(g if upward else mul(MINUS_ONE, g), strict)
-    if strict and upward != same and not g.free and extent(g, {})[0] >= 0.0:
-        return FALSE
-    return positive(g, strict) if upward == same else negation(positive(g, not strict))
-
-
 def _split_delta(d: Delta, hoists: int) -> Expr:
     """Returns δ(where(b, u, v)) as where(b, δ(u), δ(v)): equal almost everywhere, because a condition's own border is no root."""
     g = Extremes().of(d.g) if hoists == MAX_HOISTED and _stays_whole(kinks_of(d.g), Kinks()) else d.g
@@ -347,7 +347,7 @@ def inner_condition(g: Expr) -> Cond | None:
     seen: set[Expr] = set()
     while stack:
         node = stack.pop()
-        if node in seen:
+        if node in seen or not node.kinds & Where.bit:
             continue
         seen.add(node)
         if isinstance(node, Where):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 
 import teg
+from teg.evaluator import plan
 from tests.passes.differentiate.candidates import ALL, BACKENDS, BOX, D, follows_edges, k, p, t, x, y
 from tests.references.disks import integral_over_union, slopes_of_union
 
@@ -58,6 +60,24 @@ def test_a_union_in_jax(x64_for_jax: Any, kernel: str) -> None:
     value, slopes = jax.jit(jax.value_and_grad(lambda d: f(D=d)))(disks)
     assert value == pytest.approx(integral_over_union(disks, lambda u, v: 1 + 0 * u), abs=1e-10)
     assert np.asarray(slopes) == pytest.approx(slopes_of_union(disks, lambda u, v: 1 + 0 * u), abs=1e-12)
+
+
+def test_each_cell_is_derived_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whether edges can be followed is found by the derivation that values, gradients and estimates of all backends share."""
+    cells: Counter[object] = Counter()
+    derive = plan.compiled_outputs
+
+    def counted(cell: teg.Expr, wrt: Any, *others: Any, **options: Any) -> list[teg.Expr]:
+        cells[cell, tuple(wrt)] += 1
+        return derive(cell, wrt, *others, **options)
+
+    monkeypatch.setattr(plan, "compiled_outputs", counted)
+    programs = [teg.compile(teg.integral(AREA * teg.exp(x + y), *BOX), [D], backend=backend) for backend in BACKENDS]
+    for f in programs:
+        assert follows_edges(f)
+        f.program(1)
+        f.program(1, errors=True)
+    assert set(cells.values()) == {1}
 
 
 def test_the_program_is_as_long_for_many() -> None:

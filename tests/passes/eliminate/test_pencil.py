@@ -187,20 +187,19 @@ def points(number: int, seed: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("number", range(5))
 @pytest.mark.parametrize("rows", [double_lines, points])
-def test_curves_that_are_double_lines_or_points(rows: Any, backend: str) -> None:
+def test_curves_that_are_double_lines_or_points(rows: Any, number: int, backend: str) -> None:
     """Where the square of a line is positive is everything, where it is negative nothing; a call that finds no number says so."""
     disk, area = [-1.0, 0.0, -1.0, 0.9, 1.1, 0.09 - 0.505], 0.09 * np.pi
     union = teg.compile(teg.integral(teg.bracket(teg.any(FORM > 0, ALL)), *BOX), [D], backend=backend)
-    silent = 0
-    for row in rows(5, seed=1):
-        for scene, expected in (([-row, disk], area), ([disk, -row], area), ([row, disk], 1.0), ([row], 1.0), ([-row], 0.0)):
-            with warnings.catch_warnings(record=True) as warned:
-                warnings.simplefilter("always", teg.AccuracyWarning)
-                value = union(D=scene)
-            silent += not warned
-            assert warned or value == pytest.approx(expected, abs=1e-9)
-    assert silent >= 20
+    row = rows(5, seed=1)[number]
+    for scene, expected in (([-row, disk], area), ([disk, -row], area), ([row, disk], 1.0), ([row], 1.0), ([-row], 0.0)):
+        with warnings.catch_warnings(record=True) as warned:
+            warnings.simplefilter("always", teg.AccuracyWarning)
+            value = union(D=scene)
+        assert warned or value == pytest.approx(expected, abs=1e-9)
+        assert not warned or (rows, number) == (double_lines, 1)  # the only line that rounding makes a strip
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
@@ -264,16 +263,14 @@ def test_sites_with_their_own_metric(backend: str) -> None:
 
 
 def test_symmetric_sites() -> None:
-    """Their borders are two lines that cross: right to the error that the call tells of, where that is above its tolerance."""
+    """Their borders are two lines that cross."""
     f = teg.compile(WINNER, [D])
     mirrored = [[1.0, 0.5, 4.0, 0.2, 0.4, 1.0], [4.0, 0.5, 1.0, 0.4, 0.2, -3.0]]
-    with pytest.warns(teg.AccuracyWarning, match="misses the tolerance"):
-        assert f(D=mirrored) == pytest.approx(-1.0, abs=1e-8)
+    assert f(D=mirrored) == pytest.approx(-1.0, abs=1e-12)
     concentric = [[1.0, 0.0, 4.0, 0.5, 0.5, 1.0], [4.0, 0.0, 1.0, 0.5, 0.5, -3.0]]
-    with pytest.warns(teg.AccuracyWarning, match="misses the tolerance"):
-        value, gradient = f.value_and_grad(D=concentric)
-    assert value == pytest.approx(-1.0, abs=1e-7)
-    assert gradient["D"] == pytest.approx(np.array([[-1.0, 0.0, -1.0, 0.0, 0.0, 1.5], [1.0, 0.0, 1.0, 0.0, 0.0, 1.5]]) / 3, abs=1e-7)
+    value, gradient = f.value_and_grad(D=concentric)
+    assert value == pytest.approx(-1.0, abs=1e-12)
+    assert gradient["D"] == pytest.approx(np.array([[-1.0, 0.0, -1.0, 0.0, 0.0, 1.5], [1.0, 0.0, 1.0, 0.0, 0.0, 1.5]]) / 3, abs=1e-12)
 
 
 def test_products_with_the_hessian_of_metrics() -> None:
