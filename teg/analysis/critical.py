@@ -148,7 +148,10 @@ def sign_at(coefficient: Expr, point: Mapping[Var, Expr], boxes: Sequence[Binder
     """Returns 1 or -1, the sign of a coefficient that is not 0 at a point of the box; else 0."""
     around = [finite_box(b) for b in boxes]
     middle = {b.var: mul(const(0.5), add(b.lo, b.hi)) for b in around}
-    there, nothing = _at(coefficient, point), mul(const(NOTHING), _size(coefficient, around, middle))
+    corner = {b.var: b.lo for b in around}
+    corners = (_at(coefficient, {**corner, around[-1].var: end}) for end in (around[-1].lo, around[-1].hi))  # middles may be on axes
+    size = add(_size(coefficient, around, middle), *(call("magnitude", e) for e in corners))
+    there, nothing = _at(coefficient, point), mul(const(NOTHING), size)
     sign = where(positive(sub(there, nothing)), ONE, where(positive(sub(mul(MINUS_ONE, there), nothing)), MINUS_ONE, ZERO))
     return where(conjunction(*(_between(point[b.var], b) for b in boxes)), sign, ZERO)
 

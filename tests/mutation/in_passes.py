@@ -306,6 +306,20 @@ IN_PASSES: tuple[Mutant, ...] = (
             'return sub(p, mul(step, call("chosen", m))), sub(q, mul(step, call("chosen", n)))',
             "return p, q",
         ),
+        ("a rounding along a side of the box", "m, n = form.exact_slopes_at(near.place)", "m, n = form.slopes_at(near.place)"),
+        ("an infinite derivative that is hidden", "mul(*(cast(Expr, substitute(mark, there)) for mark in marks))", "ONE"),
+        ("where lines cross, a little beyond", "MINUS_ONE, const(CROSSING)), ONE)", "MINUS_ONE, ZERO), ONE)"),
+    ),
+    *mutants(
+        "teg/passes/normalise/factors.py",
+        ("tests/passes/normalise/test_factors.py",),
+        ("the sign of a product of factors", "if math.prod(signs) > 0.0:", "if signs[0] > 0.0:"),
+        ("the fixed factor of a product", "(mul(fixed, first), *rest)", "(first, *rest)"),
+    ),
+    *mutants(
+        "teg/evaluator/plan.py",
+        ("tests/passes/normalise/test_factors.py",),
+        ("second derivatives where corners touch", "if wanted.along and self._touching:", "if not wanted.along and self._touching:"),
     ),
     *mutants(
         "teg/passes/eliminate/circle.py",

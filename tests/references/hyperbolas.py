@@ -1,6 +1,8 @@
-"""Unions of regions s·((x - a)·(y - b) - c) > 0 in the unit square, by intervals of x on lines y = constant. Shares nothing with the code."""
+"""Unions of regions s·((x - a)·(y - b) - c) > 0 in the unit square, by intervals of x on lines along it. Shares nothing with the code."""
 
 from __future__ import annotations
+
+from itertools import pairwise
 
 import numpy as np
 
@@ -36,7 +38,7 @@ def integral_over_union(rows: np.ndarray) -> float:
             places += [z.real for z in np.roots(equation) if abs(z.imag) < 1e-9]
     places = sorted({z for z in places if 0.0 <= z <= 1.0})
     total = 0.0
-    for lo, hi in zip(places[:-1], places[1:], strict=True):
+    for lo, hi in pairwise(places):
         middle, half = 0.5 * (lo + hi), 0.5 * (hi - lo)
         for node, weight in zip(middle + half * NODES, half * WEIGHTS, strict=True):
             total += weight * sum((q - p) + 0.5 * node * (q * q - p * p) for p, q in covered(rows, node))

@@ -65,7 +65,7 @@ def test_products_with_the_hessian() -> None:
     ahead, back = (f.grad(D=rows + h * direction)["D"] for h in (1e-5, -1e-5))
     assert f.hvp({"D": rows}, {"D": direction})["D"] == pytest.approx((ahead - back) / 2e-5, abs=1e-9)
     many = np.random.default_rng(1).uniform(0.0, 1.0, (300, 4))
-    with pytest.raises(teg.TegError, match="alternatives that share corners.*300 candidates"):
+    with pytest.raises(teg.TegError, match=r"alternatives that share corners.*300 candidates"):
         f.hvp({"D": many}, {"D": many})
 
 
