@@ -1,4 +1,4 @@
-"""Borders between two distances and a number: K·(|z - p| - |z - q| + c) in two variables z, with the foci p and q."""
+"""Borders between two distances and a number: K·(|z - p| - |z - q| + c) in two variables z, with the foci p and q, in a metric of both."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from teg.analysis.radicals import radical
 from teg.analysis.surfaces import atoms_of
 from teg.errors import NotDifferentiableError
 from teg.ir.cells import Symbols, replaced
-from teg.ir.expr import MINUS_ONE, ZERO, Cond, Expr, Var, const
+from teg.ir.expr import MINUS_ONE, ONE, ZERO, Cond, Expr, Var, const
 from teg.ir.node import Node
 from teg.ir.simplify import add, call, div, integer_power, mul, positive, sub
 from teg.ir.traverse import fresh, substitute
@@ -21,27 +21,48 @@ Vector = tuple[Expr, Expr]
 
 
 class Border(NamedTuple):
-    """K·(|z - p| - |z - q| + c): `scale` is K, `focus` p, `apart` q - p, and `shift` c."""
+    """K·(|z - p| - |z - q| + c): `scale` is K, `focus` p, and `shift` c.
+
+    Sizes are roots of x² + 2βxy + κy²: with L = (1, β; 0, γ), γ² = κ - β², those of vectors Lz. `metric` is β and κ, `apart` L(q - p).
+    """
 
     scale: Expr
     focus: Vector
     apart: Vector
     shift: Expr
+    metric: Vector
 
     @property
     def opened(self) -> Expr:
         """Returns |q - p|² - c², which is positive if neither distance is everywhere the larger one."""
         return sub(_dot(self.apart, self.apart), integer_power(self.shift, 2))
 
+    @property
+    def stretch(self) -> Expr:
+        """Returns γ, the determinant of L."""
+        return _stretch(self.metric)
+
     def ahead(self, direction: Vector) -> Expr:
-        """Returns c + e·(q - p), which is positive where a ray from p in the direction e meets the border."""
+        """Returns c + e·L(q - p), which is positive where a ray from p in the direction L⁻¹e meets the border."""
         return add(self.shift, _dot(direction, self.apart))
+
+    def back(self, direction: Vector) -> Vector:
+        """Returns L⁻¹e."""
+        (e, f), stretch = direction, self.stretch
+        if self.metric[0] is ZERO:
+            return e, div(f, stretch)
+        return sub(e, mul(self.metric[0], div(f, stretch))), div(f, stretch)
 
     def about(self, focus: Vector, variables: tuple[Var, Var]) -> Expr:
         """Returns the function of a border whose focus p is written in another way."""
-        foci = focus, cast(Vector, tuple(map(add, self.focus, self.apart)))
-        near, far = (call("sqrt", add(*(integer_power(sub(x, e), 2) for x, e in zip(variables, at, strict=True)))) for at in foci)
-        return mul(self.scale, add(near, mul(MINUS_ONE, far), self.shift))
+        away = sub(variables[0], focus[0]), sub(variables[1], focus[1])
+        further = self.back(self.apart)
+        beyond = sub(away[0], further[0]), sub(away[1], further[1])
+        return mul(self.scale, add(self._length(away), mul(MINUS_ONE, self._length(beyond)), self.shift))
+
+    def _length(self, z: Vector) -> Expr:
+        (x, y), (beta, kappa) = z, self.metric
+        return call("sqrt", add(integer_power(x, 2), mul(const(2.0), beta, x, y), mul(kappa, integer_power(y, 2))))
 
 
 def borders_of(g: Expr, variables: tuple[Var, Var]) -> tuple[Border, Border] | None:
@@ -50,38 +71,56 @@ def borders_of(g: Expr, variables: tuple[Var, Var]) -> tuple[Border, Border] | N
     if found is None or len(found.roots) != 2 or found.rest.free:
         return None
     (k, u), (j, w) = found.roots
-    lead, other = square_of(u, variables), square_of(w, variables)
-    if lead is None or other is None or not (is_null(add(k, j)) and is_null(sub(lead, other))):
+    entries, others = _entries(u, variables), _entries(w, variables)
+    if entries is None or others is None or not is_null(add(k, j)) or not all(map(is_null, map(sub, entries, others))):
         return None
-    p, q = (_centre(under, lead, variables) for under in (u, w))
+    p, q = (_centre(under, entries, variables) for under in (u, w))
     if p is None or q is None:
         return None
+    lead, mixed, last = entries
+    metric = ZERO if is_null(mixed) else div(mixed, lead), ONE if is_null(sub(lead, last)) else div(last, lead)
     scale = mul(k, call("sqrt", lead))
-    apart = sub(q[0], p[0]), sub(q[1], p[1])
+    (x, y) = sub(q[0], p[0]), sub(q[1], p[1])
+    apart = add(x, mul(metric[0], y)), mul(_stretch(metric), y)
     back = mul(MINUS_ONE, apart[0]), mul(MINUS_ONE, apart[1])
     shift = bounded_quotient(found.rest, scale)
-    return Border(scale, p, apart, shift), Border(mul(MINUS_ONE, scale), q, back, mul(MINUS_ONE, shift))
+    return Border(scale, p, apart, shift, metric), Border(mul(MINUS_ONE, scale), q, back, mul(MINUS_ONE, shift), metric)
 
 
 def square_of(g: Expr, variables: tuple[Var, Var]) -> Expr | None:
     """Returns A of a function A·(x² + y²) + (terms of degree 1), which depends on parameters only; None for others."""
+    entries = _entries(g, variables)
+    return entries[0] if entries is not None and is_null(entries[1]) and is_null(sub(entries[0], entries[2])) else None
+
+
+def _entries(g: Expr, variables: tuple[Var, Var]) -> tuple[Expr, Expr, Expr] | None:
+    """Returns a, b and c of a function a·x² + 2b·x·y + c·y² + (terms of degree 1), which depend on parameters only; None for others."""
     degree = Shadow(variables).degree(g)
     if degree is None or degree > 2:
         return None
     x, y = variables
     try:
-        a, b, c = slope(slope(g, x), x), slope(slope(g, x), y), slope(slope(g, y), y)
+        a, b, c = (mul(const(0.5), e) for e in (slope(slope(g, x), x), slope(slope(g, x), y), slope(slope(g, y), y)))
     except NotDifferentiableError:
         return None
-    round_ = not (a.free | b.free | c.free) and is_null(b) and is_null(sub(a, c))
-    return mul(const(0.5), a) if round_ else None
+    return None if a.free | b.free | c.free else (a, b, c)
 
 
-def _centre(square: Expr, lead: Expr, variables: tuple[Var, Var]) -> Vector | None:
-    """Returns the place where a multiple of a squared distance is 0; None for other circles."""
-    origin = dict.fromkeys(variables, ZERO)
-    a, b = (div(cast(Expr, substitute(slope(square, x), origin)), mul(const(-2.0), lead)) for x in variables)
-    return (a, b) if is_null(cast(Expr, substitute(square, dict(zip(variables, (a, b), strict=True))))) else None
+def _stretch(metric: Vector) -> Expr:
+    beta, kappa = metric
+    return ONE if beta is ZERO and kappa is ONE else call("sqrt", sub(kappa, integer_power(beta, 2)))
+
+
+def _centre(square: Expr, entries: tuple[Expr, Expr, Expr], variables: tuple[Var, Var]) -> Vector | None:
+    """Returns the place where a multiple of a squared distance is 0; None for other ellipses."""
+    (a, b, c), origin = entries, dict.fromkeys(variables, ZERO)
+    u, v = (mul(const(-0.5), cast(Expr, substitute(slope(square, x), origin))) for x in variables)
+    if is_null(b):
+        place = div(u, a), div(v, c)
+    else:
+        whole = sub(mul(a, c), mul(b, b))
+        place = div(sub(mul(c, u), mul(b, v)), whole), div(sub(mul(a, v), mul(b, u)), whole)
+    return place if is_null(cast(Expr, substitute(square, dict(zip(variables, place, strict=True))))) else None
 
 
 def with_common_focus(condition: Cond, g: Expr, variables: tuple[Var, Var]) -> tuple[Cond, tuple[Var, Var], Vector] | None:
@@ -92,7 +131,7 @@ def with_common_focus(condition: Cond, g: Expr, variables: tuple[Var, Var]) -> t
     mine = borders_of(edge, variables)
     atoms = {atom: found for atom in atoms_of(cell) if (found := borders_of(atom.g, variables)) is not None}
     for border in mine or ():
-        shared = {atom: [b for b in found if b.focus == border.focus] for atom, found in atoms.items()}
+        shared = {atom: [b for b in found if _is_same(b, border)] for atom, found in atoms.items()}
         if shared and all(shared.values()):
             first = fresh("focus", variables)
             names = first, fresh("focus", [*variables, first])
@@ -103,6 +142,11 @@ def with_common_focus(condition: Cond, g: Expr, variables: tuple[Var, Var]) -> t
             (cell, *focus) = symbols.out_of([*replaced([cell], news), *border.focus])
             return cast(Cond, cell), names, (focus[0], focus[1])
     return None
+
+
+def _is_same(one: Border, other: Border) -> bool:
+    """Returns whether two borders share a focus and a metric."""
+    return all(is_null(sub(u, v)) for u, v in zip((*one.focus, *one.metric), (*other.focus, *other.metric), strict=True))
 
 
 def _dot(a: Sequence[Expr], b: Sequence[Expr]) -> Expr:

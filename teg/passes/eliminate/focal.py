@@ -6,7 +6,8 @@
     ∫∫ f δ(g)  =  ∫ f(p + r·e)·r·(r + c)/(|K|·M) dθ
 
 The border with another q' about the same focus p crosses it where N·(c' + e·D') = N'·M: these conditions are linear in e, whatever the
-numbers are. Polynomials of z become polynomials of e, times a power of M. Source: the equation of a conic about a focus (Semple and
+numbers are. Polynomials of z become polynomials of e, times a power of M. In another metric, z = p + r·L⁻¹e, and the measure is that over
+det L. Source: the equation of a conic about a focus (Semple and
 Kneebone, Algebraic Projective Geometry, 1952).
 """
 
@@ -91,10 +92,11 @@ class _Curve:
         angle, c, s, r = (fresh(name, taken) for name in ("θ", "cos θ", "sin θ", "r"))
         e = turned(turned((c, s), turn), ASKEW)
         opened, ahead = self.border.opened, self.border.ahead(e)
-        steps = mul(r, e[0]), mul(r, e[1])
+        way = self.border.back(e)
+        steps = mul(r, way[0]), mul(r, way[1])
         at = {x: add(p, step) for x, p, step in zip((u, v), self.border.focus, steps, strict=True)}
         value = restrict(self.coefficient, at, self.g, (v, u))
-        value = with_conditions_at(value, (at[u], at[v]), _on_border, (*self.border.focus, *e, opened, ahead))
+        value = with_conditions_at(value, (at[u], at[v]), _on_border, (*self.border.focus, *e, *way, opened, ahead))
         for b, p, step in zip(self.binders, self.border.focus, steps, strict=True):
             lo, hi = (sub(cast(Expr, substitute(bound, at)), p) for bound in (b.lo, b.hi))
             value = signed_inside(step, lo, hi, self.g, b, value)
@@ -110,22 +112,24 @@ class _Curve:
         circle: dict[Var, Expr] = {c: call("cos", angle), s: call("sin", angle)}
         there = cast(Expr, substitute(ahead, circle))
         radius = div(opened, mul(TWO, there))
-        weight = div(mul(radius, add(radius, self.border.shift)), mul(call("magnitude", self.border.scale), there))
+        scale = mul(call("magnitude", self.border.scale), self.border.stretch)
+        weight = div(mul(radius, add(radius, self.border.shift)), mul(scale, there))
         body = mul(weight, cast(Expr, substitute(value, {**circle, r: radius}, algebraic)))
         return integral_over(body, angle, const(-EIGHTH), const(EIGHTH))
 
 
 def _on_border(g: Expr, variables: Sequence[Var], at: Sequence[Var]) -> Expr:
     """Returns a function on a border, as one of the direction from its focus: times a power of M if it is a polynomial, and linear if it is
-    a border about the same focus. `variables` are those of the place, then those of a focus that all share; `at` has p, e, N and M."""
-    (u, v, *common), (focus, e, (opened, ahead)) = variables, (at[:2], at[2:4], at[4:])
+    a border about the same focus. `variables` are those of the place, then those of a focus that all share; `at` has p, e, L⁻¹e, N and
+    M."""
+    (u, v, *common), (focus, e, way, (opened, ahead)) = variables, (at[:2], at[2:4], at[4:6], at[6:])
     for other in borders_of(g, (u, v)) or ():
-        if list(other.focus) == common:
+        if common and all(is_null(sub(mine, one)) for mine, one in zip(other.focus, common, strict=True)):
             crossing = sub(mul(opened, other.ahead((e[0], e[1]))), mul(other.opened, ahead))
             meets = disjunction(positive(other.opened), positive(other.shift))  # else |z - q'| - c' is the larger one everywhere
             return mul(other.scale, add(mul(where(meets, ONE, ZERO), crossing), where(meets, ZERO, MINUS_ONE)))
     r = fresh("r", [*variables, *at])
-    moved = cast(Expr, substitute(g, {x: add(p, mul(r, step)) for x, p, step in zip((u, v), focus, e, strict=True)}))
+    moved = cast(Expr, substitute(g, {x: add(p, mul(r, step)) for x, p, step in zip((u, v), focus, way, strict=True)}))
     product = _cleared(moved, r, opened, mul(TWO, ahead))
     return cast(Expr, substitute(moved, {r: div(opened, mul(TWO, ahead))})) if product is None else product
 

@@ -146,7 +146,8 @@ def alternatives(g: Expr, kinks: Kinks) -> Alternatives | Where | None:
             if not sign:
                 return node
             sides = [lattice.get(side, [[side]]) for side in (node.then, node.otherwise)]
-            result = [*sides[0], *sides[1]] if sign > 0 else _each_with_each(sides, lambda parts: [f for part in parts for f in part])
+            joined = [*sides[0], *sides[1]] if sign > 0 else _each_with_each(sides, lambda parts: [f for part in parts for f in part])
+            result = _absorbed(joined)
         elif not branching:
             continue
         elif isinstance(node, Add):
@@ -169,7 +170,17 @@ def _times(factor: float, alternatives: Alternatives) -> Alternatives:
         return [[mul(const(factor), f) for f in part] for part in alternatives]
     if math.prod(map(len, alternatives)) > MOST_ATOMS:
         return []
-    return [[mul(const(factor), f) for f in chosen] for chosen in product(*alternatives)]
+    return _absorbed([[mul(const(factor), f) for f in chosen] for chosen in product(*alternatives)])
+
+
+def _absorbed(alternatives: Alternatives) -> Alternatives:
+    """Returns a maximum of minima without functions that stand twice, and without minima over more functions than another one's."""
+    parts = sorted({frozenset(part): list(dict.fromkeys(part)) for part in reversed(alternatives)}.items(), key=lambda part: len(part[0]))
+    kept: list[tuple[frozenset[Expr], list[Expr]]] = []
+    for functions, part in parts:
+        if not any(fewer <= functions for fewer, _ in kept):
+            kept.append((functions, part))
+    return [part for _, part in kept]
 
 
 def _each_with_each(terms: Sequence[Alternatives], joined: Callable[[Sequence[list[Expr]]], list[Expr]]) -> Alternatives:

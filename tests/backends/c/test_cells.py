@@ -56,7 +56,7 @@ def cells_where_many_are(many: int) -> Callable[[Layout, Array, Array], Found]:
         bodies = (rows.shape[1] // (1 + shape.order) - shape.forms) // shape.coefficients
         nodes, weights = gauss_legendre((shape.degree + 1) // 2 + 1)
         rule, gauss = np.array(triangle_rule(shape.degree)), np.stack([0.5 + 0.5 * np.array(nodes), 0.5 * np.array(weights)], axis=1)
-        numbers = np.array([*shape, bodies, len(rule), len(gauss)], dtype=np.int32)
+        numbers = np.array([*shape[:4], bodies, len(rule), len(gauss)], dtype=np.int32)
         values, sizes, counts = np.zeros(bodies), np.zeros(bodies), np.zeros(2, dtype=np.int64)
         tables = np.zeros((bodies, len(rows) + 1, shape.columns * (1 + shape.order)))
         given = [np.ascontiguousarray(a) for a in (numbers, rule, gauss, rows, otherwise, values, sizes, tables, counts)]

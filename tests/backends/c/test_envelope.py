@@ -37,7 +37,7 @@ def envelope() -> Callable[[Layout, Array], Found | None]:
         bodies = (rows.shape[1] - shape.forms) // shape.coefficients
         values, sizes = np.zeros(bodies), np.zeros(bodies)
         tables = np.full((bodies, len(rows) + 1, shape.columns), np.nan)
-        given = [np.array([*shape, bodies], dtype=np.int32), np.ascontiguousarray(rows), values, sizes, tables]
+        given = [np.array([*shape[:4], bodies], dtype=np.int32), np.ascontiguousarray(rows), values, sizes, tables]
         at = [ctypes.c_void_p(a.ctypes.data) for a in given]
         done = library.envelope(at[0], ctypes.c_int64(len(rows)), *at[1:])
         return (values, sizes, tables) if done else None

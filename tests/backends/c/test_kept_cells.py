@@ -60,7 +60,7 @@ def kept_cells(first: str = "") -> Callable[[Layout, Array, Array, Array], Found
     def cells(shape: Layout, rows: Array, otherwise: Array, weights: Array) -> Found:
         nodes, parts = gauss_legendre((shape.degree + 1) // 2 + 1)
         rule, gauss = np.array(triangle_rule(shape.degree)), np.stack([0.5 + 0.5 * np.array(nodes), 0.5 * np.array(parts)], axis=1)
-        numbers = np.array([*shape, len(weights), len(rule), len(gauss)], dtype=np.int32)
+        numbers = np.array([*shape[:4], len(weights), len(rule), len(gauss)], dtype=np.int32)
         values, moments = np.full(len(weights), 7.0), np.full((len(rows) + 1, shape.coefficients), 7.0)
         table, seen = np.full((len(rows) + 1, shape.forms), 7.0), np.full(len(rows) + 1, 7, dtype=np.uint8)
         given = [np.ascontiguousarray(a) for a in (numbers, rule, gauss, rows, otherwise, weights, values, moments, table, seen)]

@@ -143,6 +143,19 @@ def test_shapes_by_distances(backend: str) -> None:
     assert list(slopes["t"]) == pytest.approx([*[2 * around - arc] * 2, arc, around - arc, 4 * r][few], rel=1e-9)
 
 
+@pytest.mark.parametrize("backend", ["c", "numpy"])
+def test_the_median_of_three(backend: str) -> None:
+    """It is below t with the probability 3t² - 2t³. Written as a maximum of minima it has three, of two each, whatever its sign is."""
+    z = teg.var("z")
+    median = teg.maximum(teg.minimum(X, Y), teg.minimum(teg.maximum(X, Y), z))
+    for condition in (median < T, -median > -T):
+        atoms = [n for n in postorder([with_smooth_atoms(teg.bracket(condition))]) if isinstance(n, Compare)]
+        assert len(atoms) == 3 and not any(kinks_of(n.g) for n in atoms)
+        f = teg.compile(teg.integral(teg.bracket(condition), (X, 0, 1), (Y, 0, 1), (z, 0, 1)), [T], backend=backend)
+        value, gradient, hessian = f(t=0.3), f.grad(t=0.3)["t"], f.hessian(t=0.3)["t", "t"]
+        assert (value, gradient, hessian) == pytest.approx((0.216, 1.26, 2.4), abs=1e-10)
+
+
 def test_what_cancels_in_an_alternative_is_no_surface() -> None:
     """Of |x - t| + |y| + |x + y| < r one alternative is x - t + y - (x + y) < r. Differences are exact, as the area is quadratic."""
     r = teg.param("r")
