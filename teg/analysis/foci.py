@@ -23,14 +23,14 @@ Vector = tuple[Expr, Expr]
 class Border(NamedTuple):
     """K·(|z - p| - |z - q| + c): `scale` is K, `focus` p, and `shift` c.
 
-    Sizes are roots of x² + 2βxy + κy²: with L = (1, β; 0, γ), γ² = κ - β², those of vectors Lz. `metric` is β and κ, `apart` L(q - p).
+    Sizes are roots of x² + κy²: those of vectors Lz = (x, √κ·y). `ratio` is κ, `apart` L(q - p).
     """
 
     scale: Expr
     focus: Vector
     apart: Vector
     shift: Expr
-    metric: Vector
+    ratio: Expr
 
     @property
     def opened(self) -> Expr:
@@ -39,8 +39,8 @@ class Border(NamedTuple):
 
     @property
     def stretch(self) -> Expr:
-        """Returns γ, the determinant of L."""
-        return _stretch(self.metric)
+        """Returns √κ, the determinant of L."""
+        return _root(self.ratio)
 
     def ahead(self, direction: Vector) -> Expr:
         """Returns c + e·L(q - p), which is positive where a ray from p in the direction L⁻¹e meets the border."""
@@ -48,10 +48,7 @@ class Border(NamedTuple):
 
     def back(self, direction: Vector) -> Vector:
         """Returns L⁻¹e."""
-        (e, f), stretch = direction, self.stretch
-        if self.metric[0] is ZERO:
-            return e, div(f, stretch)
-        return sub(e, mul(self.metric[0], div(f, stretch))), div(f, stretch)
+        return direction[0], div(direction[1], self.stretch)
 
     def about(self, focus: Vector, variables: tuple[Var, Var]) -> Expr:
         """Returns the function of a border whose focus p is written in another way."""
@@ -61,8 +58,7 @@ class Border(NamedTuple):
         return mul(self.scale, add(self._length(away), mul(MINUS_ONE, self._length(beyond)), self.shift))
 
     def _length(self, z: Vector) -> Expr:
-        (x, y), (beta, kappa) = z, self.metric
-        return call("sqrt", add(integer_power(x, 2), mul(const(2.0), beta, x, y), mul(kappa, integer_power(y, 2))))
+        return call("sqrt", add(integer_power(z[0], 2), mul(self.ratio, integer_power(z[1], 2))))
 
 
 def borders_of(g: Expr, variables: tuple[Var, Var]) -> tuple[Border, Border] | None:
@@ -77,24 +73,23 @@ def borders_of(g: Expr, variables: tuple[Var, Var]) -> tuple[Border, Border] | N
     p, q = (_centre(under, entries, variables) for under in (u, w))
     if p is None or q is None:
         return None
-    lead, mixed, last = entries
-    metric = ZERO if is_null(mixed) else div(mixed, lead), ONE if is_null(sub(lead, last)) else div(last, lead)
+    lead, last = entries
+    ratio = ONE if is_null(sub(lead, last)) else div(last, lead)
     scale = mul(k, call("sqrt", lead))
-    (x, y) = sub(q[0], p[0]), sub(q[1], p[1])
-    apart = add(x, mul(metric[0], y)), mul(_stretch(metric), y)
+    apart = sub(q[0], p[0]), mul(_root(ratio), sub(q[1], p[1]))
     back = mul(MINUS_ONE, apart[0]), mul(MINUS_ONE, apart[1])
     shift = bounded_quotient(found.rest, scale)
-    return Border(scale, p, apart, shift, metric), Border(mul(MINUS_ONE, scale), q, back, mul(MINUS_ONE, shift), metric)
+    return Border(scale, p, apart, shift, ratio), Border(mul(MINUS_ONE, scale), q, back, mul(MINUS_ONE, shift), ratio)
 
 
 def square_of(g: Expr, variables: tuple[Var, Var]) -> Expr | None:
     """Returns A of a function A·(x² + y²) + (terms of degree 1), which depends on parameters only; None for others."""
     entries = _entries(g, variables)
-    return entries[0] if entries is not None and is_null(entries[1]) and is_null(sub(entries[0], entries[2])) else None
+    return entries[0] if entries is not None and is_null(sub(*entries)) else None
 
 
-def _entries(g: Expr, variables: tuple[Var, Var]) -> tuple[Expr, Expr, Expr] | None:
-    """Returns a, b and c of a function a·x² + 2b·x·y + c·y² + (terms of degree 1), which depend on parameters only; None for others."""
+def _entries(g: Expr, variables: tuple[Var, Var]) -> Vector | None:
+    """Returns a and c of a function a·x² + c·y² + (terms of degree 1), which depend on parameters only; None for others."""
     degree = Shadow(variables).degree(g)
     if degree is None or degree > 2:
         return None
@@ -103,24 +98,18 @@ def _entries(g: Expr, variables: tuple[Var, Var]) -> tuple[Expr, Expr, Expr] | N
         a, b, c = (mul(const(0.5), e) for e in (slope(slope(g, x), x), slope(slope(g, x), y), slope(slope(g, y), y)))
     except NotDifferentiableError:
         return None
-    return None if a.free | b.free | c.free else (a, b, c)
+    return None if a.free | b.free | c.free or not is_null(b) else (a, c)
 
 
-def _stretch(metric: Vector) -> Expr:
-    beta, kappa = metric
-    return ONE if beta is ZERO and kappa is ONE else call("sqrt", sub(kappa, integer_power(beta, 2)))
+def _root(ratio: Expr) -> Expr:
+    return ONE if ratio is ONE else call("sqrt", ratio)
 
 
-def _centre(square: Expr, entries: tuple[Expr, Expr, Expr], variables: tuple[Var, Var]) -> Vector | None:
+def _centre(square: Expr, entries: Vector, variables: tuple[Var, Var]) -> Vector | None:
     """Returns the place where a multiple of a squared distance is 0; None for other ellipses."""
-    (a, b, c), origin = entries, dict.fromkeys(variables, ZERO)
-    u, v = (mul(const(-0.5), cast(Expr, substitute(slope(square, x), origin))) for x in variables)
-    if is_null(b):
-        place = div(u, a), div(v, c)
-    else:
-        whole = sub(mul(a, c), mul(b, b))
-        place = div(sub(mul(c, u), mul(b, v)), whole), div(sub(mul(a, v), mul(b, u)), whole)
-    return place if is_null(cast(Expr, substitute(square, dict(zip(variables, place, strict=True))))) else None
+    origin = dict.fromkeys(variables, ZERO)
+    a, b = (div(cast(Expr, substitute(slope(square, x), origin)), mul(const(-2.0), e)) for x, e in zip(variables, entries, strict=True))
+    return (a, b) if is_null(cast(Expr, substitute(square, dict(zip(variables, (a, b), strict=True))))) else None
 
 
 def with_common_focus(condition: Cond, g: Expr, variables: tuple[Var, Var]) -> tuple[Cond, tuple[Var, Var], Vector] | None:
@@ -146,7 +135,7 @@ def with_common_focus(condition: Cond, g: Expr, variables: tuple[Var, Var]) -> t
 
 def _is_same(one: Border, other: Border) -> bool:
     """Returns whether two borders share a focus and a metric."""
-    return all(is_null(sub(u, v)) for u, v in zip((*one.focus, *one.metric), (*other.focus, *other.metric), strict=True))
+    return all(is_null(sub(u, v)) for u, v in zip((*one.focus, one.ratio), (*other.focus, other.ratio), strict=True))
 
 
 def _dot(a: Sequence[Expr], b: Sequence[Expr]) -> Expr:

@@ -27,6 +27,7 @@ AT = {"x": 0.3, "y": 0.8, "a": 0.2, "b": 0.1, "c": 0.9, "d": 0.4, "s": 1.3, "t":
         s * NEAR - s * FAR,
         teg.sqrt(x**2 - 2 * a * x + a**2 + (y - b) ** 2) - FAR + t,
         teg.sqrt(3 * (x - a) ** 2 + 3 * (y - b) ** 2) - teg.sqrt(3 * (x - c) ** 2 + 3 * (y - d) ** 2) + t,
+        teg.sqrt(s * (x - a) ** 2 + 0.7 * (y - b) ** 2) - teg.sqrt(s * (x - c) ** 2 + 0.7 * (y - d) ** 2) + t,
     ],
     ids=str,
 )
@@ -53,7 +54,8 @@ def _number(e: teg.Expr) -> float:
         NEAR - FAR + t * x,
         NEAR - t,
         teg.sqrt((x - a) ** 2 + (y - b) ** 2 + s**2) - FAR + t,  # above the plane
-        teg.sqrt((x - a) ** 2 + 2 * (y - b) ** 2) - teg.sqrt((x - c) ** 2 + 2 * (y - d) ** 2),
+        teg.sqrt((x - a) ** 2 + 2 * (y - b) ** 2) - teg.sqrt((x - c) ** 2 + 3 * (y - d) ** 2),  # a metric each
+        teg.sqrt(x**2 + x * y + 2 * y**2) - teg.sqrt((x - a) ** 2 + (x - a) * y + 2 * y**2),  # axes that lean
         (x - a) ** 2 + (y - b) ** 2 - t,
     ],
     ids=str,

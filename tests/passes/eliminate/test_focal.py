@@ -52,6 +52,25 @@ def test_in_jax(x64_for_jax: Any, kernel: str) -> None:
     assert (gradient * direction).sum() == pytest.approx(slope_along(rows, direction), abs=1e-8)
 
 
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_in_a_metric_that_all_share(backend: str) -> None:
+    """Where one axis is t times as long, in coordinates in which it is not: the mean does not depend on t."""
+    u, v = x - D[k, 0], y - D[k, 1] / t
+    mean_of = t * teg.integral(
+        teg.nearest(D[k, 3] * (1 + x * y * t), teg.sqrt(3 * u**2 + 3 * t**2 * v**2) - D[k, 2], ALL), (x, 0, 1), (y, 0, 1 / t)
+    )
+    f = teg.compile(mean_of, [D, t], backend=backend)
+    assert follows_edges(f)
+    rows, direction = random_sites(4, seed=8), np.random.default_rng(8).standard_normal((4, 4))
+    stretched = np.array([1.0, 1.0, np.sqrt(3.0), 1.0])
+    for length in (0.4, 1.0, 1.7):
+        value, gradient = f.value_and_grad(D=rows * stretched, t=length)
+        assert value == pytest.approx(mean(rows), abs=1e-11)
+        assert gradient["t"] == pytest.approx(0.0, abs=1e-10)
+        assert (gradient["D"] * direction).sum() == pytest.approx(slope_along(rows, direction / stretched), abs=1e-8)
+    assert f.hvp({"D": rows * stretched, "t": 1.3}, {"t": 1.0})["t"] == pytest.approx(0.0, abs=1e-8)
+
+
 @pytest.mark.parametrize("shift", [0.0, 1e-15, -1e-9, 1e-5, 0.1, -0.3, 0.39, 0.39999])
 def test_from_a_line_to_a_needle(shift: float) -> None:
     """Two sites 0.4 apart: at 0 the border is a line, towards 0.4 a cell becomes a needle. Its width where x is x: of the branch
