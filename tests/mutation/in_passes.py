@@ -283,6 +283,11 @@ IN_PASSES: tuple[Mutant, ...] = (
         ("tests/passes/eliminate/test_focal.py",),
         ("borders that never meet", "add(mul(where(meets, ONE, ZERO), crossing), where(meets, ZERO, MINUS_ONE))", "crossing"),
         ("the density along a branch", "add(radius, self.border.shift)", "radius"),
+        (
+            "the measure in a metric",
+            'mul(call("magnitude", self.border.scale), self.border.stretch)',
+            'call("magnitude", self.border.scale)',
+        ),
         ("a site that is nearer everywhere", "where(positive(border.opened), ", "where(positive(const(1.0)), "),
     ),
     *mutants(
