@@ -39,7 +39,7 @@ from teg.passes.eliminate.crossings import match_curve, rewrite_curve
 from teg.passes.eliminate.focal import match_focal, rewrite_focal
 from teg.passes.eliminate.implicit import MAX_CHARTS, Implicit, match_implicit, rewrite_by_formulas, rewrite_implicit
 from teg.passes.eliminate.mapped import user_families
-from teg.passes.eliminate.pencil import match_pencil, rewrite_pencil
+from teg.passes.eliminate.pencil import Pencil, match_pencil, rewrite_pencil
 from teg.passes.eliminate.steep import Graph, match_steep, rewrite_steep
 from teg.passes.eliminate.univariate import match_solvable, rewrite_solvable
 from teg.passes.normalise.denominators import with_cleared_deltas
@@ -74,9 +74,14 @@ CARRIED = "carried along, as it is differentiated again"
 def along_edges(families: Families) -> Families:
     """Returns the families for programs in which candidates cover parts of a curve: where these are ends of arcs, charts by variable have
     no formula for them. Elsewhere the charts by variable are shorter."""
-    place = next((i for i, (match, _) in enumerate(families) if match in (match_bilinear, match_implicit)), len(families))
+    place = next((i for i, (match, _) in enumerate(families) if match is match_implicit), len(families))
     curves: Families = (match_circle, rewrite_circle), (match_pencil, rewrite_pencil), (match_focal, rewrite_focal)
-    return (*families[:place], *curves, *families[place:])
+    return ((_match_hyperbola, rewrite_pencil), *families[:place], *curves, *families[place:])
+
+
+def _match_hyperbola(g: Expr, variables: Sequence[Var]) -> Pencil | None:
+    """Returns both variables of a hyperbola with axes along the box, if that is no product of two lines; else None."""
+    return None if match_bilinear(g, variables) is None else match_pencil(g, variables)
 
 
 def noted(form: Closed, name: str, remarks: Remarks) -> Closed:
