@@ -175,12 +175,8 @@ def _times(factor: float, alternatives: Alternatives) -> Alternatives:
 
 def _absorbed(alternatives: Alternatives) -> Alternatives:
     """Returns a maximum of minima without functions that stand twice, and without minima over more functions than another one's."""
-    parts = sorted({frozenset(part): list(dict.fromkeys(part)) for part in reversed(alternatives)}.items(), key=lambda part: len(part[0]))
-    kept: list[tuple[frozenset[Expr], list[Expr]]] = []
-    for functions, part in parts:
-        if not any(fewer <= functions for fewer, _ in kept):
-            kept.append((functions, part))
-    return [part for _, part in kept]
+    parts = {frozenset(part): list(dict.fromkeys(part)) for part in alternatives}
+    return [part for functions, part in parts.items() if not any(fewer < functions for fewer in parts)]
 
 
 def _each_with_each(terms: Sequence[Alternatives], joined: Callable[[Sequence[list[Expr]]], list[Expr]]) -> Alternatives:
