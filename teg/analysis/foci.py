@@ -1,4 +1,5 @@
-"""Borders between two distances and a number: K·(|z - p| - |z - q| + c) in two variables z, with the foci p and q, in a metric of both."""
+"""Borders between two distances and a number: K·(|z - p| - |z - q| + c) in two variables z, with the foci p and q. The axes of the box may
+count differently in both distances."""
 
 from __future__ import annotations
 
@@ -23,7 +24,7 @@ Vector = tuple[Expr, Expr]
 class Border(NamedTuple):
     """K·(|z - p| - |z - q| + c): `scale` is K, `focus` p, and `shift` c.
 
-    Sizes are roots of x² + κy²: those of vectors Lz = (x, √κ·y). `ratio` is κ, `apart` L(q - p).
+    |z| is √(x² + κy²), the length of Lz = (x, √κ·y). `ratio` is κ, `apart` L(q - p).
     """
 
     scale: Expr

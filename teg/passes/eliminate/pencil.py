@@ -293,9 +293,9 @@ Polynomial = Sequence[Expr]
 
 
 class _Steps(NamedTuple):
-    """Along the curve, by s from -1 or 0 to 1: the polynomials U, V and D of the place P + (U, V)/D, and the constant ν dw - w dν.
+    """Along the curve, by s from -1 or almost 0 to 1: the polynomials U, V and D of the place P + (U, V)/D, and the constant ν dw - w dν.
 
-    Two lines cross where two arcs meet, and D is 0 there. That is at s = 0, where polynomials of s have no differences.
+    Two lines cross where two arcs meet, and D is 0 there. That is at s = 0, where a polynomial of s is computed without a difference.
     """
 
     along: Polynomial
@@ -388,7 +388,7 @@ class _Curve:
     def at_crossing(self, coefficient: Expr) -> Expr:
         """Returns ±inf if the integral diverges where two lines cross in the box and no candidate covers that place, else 0."""
         (m, n), beta = self.frame.across, self.frame.beta
-        is_near = positive(sub(call("magnitude", beta), const(0.5 / REACH)))  # the crossing, as far as the box is large
+        is_near = positive(sub(call("magnitude", beta), const(0.5 / REACH)))  # the crossing is no farther away than the size of the box
         away = div(const(-0.5), where(is_near, beta, ONE))
         steps = mul(n, away), mul(MINUS_ONE, m, away)
         boxes = zip(self.binders, self.form.middle, self.form.half, self.near.place, steps, strict=True)

@@ -22,16 +22,17 @@ MOST_FACTORS = 4
 
 
 def with_single_factors(condition: Cond) -> Cond:
-    """Returns an equivalent condition in which the signs of factors stand for that of a product: (x - a)·(y - b) > 0 is x > a and y > b, or
-    neither. The borders of the factors meet in points."""
+    """Returns an equivalent condition in which the signs of factors stand for that of a product: (x - a)·(y - b) > 0 holds where x > a and
+    y > b, or x < a and y < b."""
 
     def visit(_: Node, new: Node) -> Node:
-        if not isinstance(new, Compare) or not isinstance(new.g, Mul) or new.resolution is not None:
+        if not isinstance(new, Compare) or not new.free or new.resolution is not None:
             return new
-        factors = [f for f in new.g.children if f.free]
-        if not 2 <= len(factors) <= MOST_FACTORS or any(isinstance(f, Pow | Where) for f in factors):
+        sign, known = signed_factors(new.g)
+        factors = [f for f in known if f.free]
+        if not 2 <= len(factors) <= MOST_FACTORS or len(set(factors)) < len(factors) or any(isinstance(f, Where) for f in factors):
             return new
-        fixed = mul(*(f for f in new.g.children if not f.free))
+        fixed = mul(const(sign), *(f for f in known if not f.free))
         cases: list[Cond] = []
         for signs in product((1.0, -1.0), repeat=len(factors)):
             if math.prod(signs) > 0.0:

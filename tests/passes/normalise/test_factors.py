@@ -46,6 +46,16 @@ def test_candidates_that_share_a_line(name: str, backend: str) -> None:
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
+def test_a_factor_that_all_terms_have(backend: str) -> None:
+    """On the right of the line x = ½, which all share, what is above the lowest one; on the left what is below the highest one."""
+    above = (x - 0.5) * y - (x - 0.5) * D[k, 0] > 0
+    f = teg.compile(teg.integral(teg.bracket(teg.any(above, ALL)), *BOX), [D], backend=backend)
+    value, gradient = f.value_and_grad(D=[[0.3], [0.6], [0.45]])
+    assert value == pytest.approx(0.5 * 0.7 + 0.5 * 0.6, abs=1e-12)
+    assert gradient["D"].ravel() == pytest.approx([-0.5, 0.5, 0.0], abs=1e-12)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
 def test_any_number_of_them(backend: str) -> None:
     f = teg.compile(MEAN, [D], backend=backend)
     for n in (0, 1, 2, 5, 9):
