@@ -20,7 +20,7 @@ from typing import Any
 import pytest
 
 from teg.backends.c import build, kernel
-from teg.evaluator import kernels, plan
+from teg.evaluator import derivation, kernels
 
 os.environ.setdefault("JAX_DISABLE_MOST_OPTIMIZATIONS", "1")  # read when JAX is imported
 EMITTERS = "xla_cpu_use_fusion_emitters"
@@ -140,7 +140,7 @@ def for_this_machine(quickly_compiled: None) -> Iterator[None]:
 def derived_once() -> Iterator[None]:
     """Equal programs of a module's tests are derived once: no backend has a part in that."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(plan, "_derivations", {})
+        patch.setattr(derivation, "_derivations", {})
         yield
 
 
@@ -166,7 +166,7 @@ def derived_anew(request: pytest.FixtureRequest) -> Iterator[None]:
     """A test that changes something, or reads the log, derives its own programs."""
     with pytest.MonkeyPatch.context() as patch:
         if not {"monkeypatch", "caplog"}.isdisjoint(request.fixturenames):
-            patch.setattr(plan, "_derivations", weakref.WeakValueDictionary())
+            patch.setattr(derivation, "_derivations", weakref.WeakValueDictionary())
         yield
 
 

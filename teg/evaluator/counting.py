@@ -9,7 +9,8 @@ from teg.analysis.settings import Integration
 from teg.evaluator.arguments import read_call
 from teg.evaluator.kernels import Kernels
 from teg.evaluator.options import Jumps, Machine, Options
-from teg.evaluator.plan import VALUE, Plan
+from teg.evaluator.plan import Plan
+from teg.evaluator.wanted import VALUE
 from teg.ir.arrays import arrays_of, integer_parameters
 from teg.ir.cells import indices_apart
 from teg.ir.expr import Expr, Param

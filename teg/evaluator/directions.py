@@ -8,7 +8,7 @@ from typing import Any
 
 from teg.errors import ParameterError
 from teg.evaluator.arguments import as_entries, as_floats, by_name
-from teg.evaluator.plan import Wanted, directions_of
+from teg.evaluator.wanted import Wanted, directions_of
 from teg.ir.arrays import Array
 from teg.ir.expr import Param
 from teg.ir.index import ArrayName

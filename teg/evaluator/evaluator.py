@@ -26,8 +26,8 @@ from teg.evaluator.kernels import Kernels, Key, dimensions_of
 from teg.evaluator.lengths import KEPT, Lengths
 from teg.evaluator.nodes import NodeFinder, moved_by
 from teg.evaluator.options import Options
-from teg.evaluator.plan import GRADIENT, GRADIENT_ALONE, HESSIAN, ORDERS, VALUE, Wanted
 from teg.evaluator.results import along_direction, cotangents_of, in_shape, in_structure, nested, places, stacked, weighted
+from teg.evaluator.wanted import GRADIENT, GRADIENT_ALONE, HESSIAN, ORDERS, VALUE, Wanted
 from teg.ir.arrays import Array, Gather, arrays_of, has_arrays, integer_parameters
 from teg.ir.cells import check_indices
 from teg.ir.expr import Expr, Param, Tuple

@@ -10,8 +10,9 @@ from teg.analysis.bodies import write_all_out
 from teg.analysis.isolation import MAX_ROOTS
 from teg.analysis.settings import Integration, Rule
 from teg.errors import OptionError
+from teg.evaluator.derivation import Derivation, Task, followed
 from teg.evaluator.options import Discontinuities, parameters_of
-from teg.evaluator.plan import ORDERS, Derivation, Task, followed
+from teg.evaluator.wanted import ORDERS
 from teg.ir.arrays import Array, arrays_of, has_arrays, integer_parameters, integers_of
 from teg.ir.cells import check_indices, replace_integers
 from teg.ir.expr import Expr, Operand, Param, Tuple

@@ -13,7 +13,8 @@ from teg.evaluator.counting import Counting, zeros
 from teg.evaluator.kept import Kept
 from teg.evaluator.kernels import dimensions_of
 from teg.evaluator.options import Options
-from teg.evaluator.plan import VALUE, Plan
+from teg.evaluator.plan import Plan
+from teg.evaluator.wanted import VALUE
 from teg.ir.arrays import Array, arrays_of, integer_parameters
 from teg.ir.cells import check_indices, with_lengths
 from teg.ir.expr import Expr, Param, Tuple

@@ -26,10 +26,11 @@ from teg.evaluator.both_sides import (
 )
 from teg.evaluator.kept import Kept
 from teg.evaluator.options import Options
-from teg.evaluator.plan import GRADIENT, GRADIENT_ALONE, HESSIAN, ORDERS, VALUE, Plan, Wanted, derivative_of_order, is_second
+from teg.evaluator.plan import Plan
 from teg.evaluator.runs import ListedPlan, RunsKernel
 from teg.evaluator.tabled import Tabled
 from teg.evaluator.timing import timed
+from teg.evaluator.wanted import GRADIENT, GRADIENT_ALONE, HESSIAN, ORDERS, VALUE, Wanted, derivative_of_order, is_second
 from teg.ir.expr import Param
 from teg.ir.index import ArrayName
 from teg.maps.checks import MapChecks

@@ -11,7 +11,8 @@ from teg.evaluator.counting import Counting
 from teg.evaluator.kept import Kept
 from teg.evaluator.kernels import Kernels
 from teg.evaluator.options import Options
-from teg.evaluator.plan import VALUE, Plan, Wanted, directions_of
+from teg.evaluator.plan import Plan
+from teg.evaluator.wanted import VALUE, Wanted, directions_of
 from teg.ir.arrays import Array, has_arrays
 from teg.ir.cells import with_lengths
 from teg.ir.expr import Expr, Param

@@ -18,7 +18,8 @@ from teg.evaluator.arguments import Call, read_call
 from teg.evaluator.counting import Counting
 from teg.evaluator.kept import Kept
 from teg.evaluator.options import Options
-from teg.evaluator.plan import GRADIENT_ALONE, VALUE, Plan
+from teg.evaluator.plan import Plan
+from teg.evaluator.wanted import GRADIENT_ALONE, VALUE
 from teg.ir.arrays import Array, Gather, has_arrays
 from teg.ir.cells import with_lengths
 from teg.ir.expr import Expr, Param, Tuple, Var

@@ -17,7 +17,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 from teg.analysis.settings import Integration
 from teg.errors import TegError
 from teg.evaluator.kept import Kept
-from teg.evaluator.plan import Plan, Wanted
+from teg.evaluator.plan import Plan
+from teg.evaluator.wanted import Wanted
 from teg.ir.expr import Param
 from teg.ir.index import APART, ArrayName, Index, IndexArray, IndexConst, IndexParam, Length
 from teg.passes.differentiate.estimators.exact import Exact

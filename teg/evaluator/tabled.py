@@ -12,7 +12,8 @@ from typing import cast
 
 from teg.analysis.settings import Integration
 from teg.errors import TegError
-from teg.evaluator.plan import Plan, Wanted
+from teg.evaluator.plan import Plan
+from teg.evaluator.wanted import Wanted
 from teg.ir.arrays import Array
 from teg.ir.expr import Param
 from teg.ir.traverse import parameters

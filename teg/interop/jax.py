@@ -23,7 +23,8 @@ from teg.evaluator.framework import (
 from teg.evaluator.kept import Kept
 from teg.evaluator.kernels import dimensions_of
 from teg.evaluator.options import DEFAULT_TOLS, Discontinuities, Inaccurate, Jumps, Machine, Options, checked_dtype
-from teg.evaluator.plan import VALUE, Plan, derivative_of_order
+from teg.evaluator.plan import Plan
+from teg.evaluator.wanted import VALUE, derivative_of_order
 from teg.interop.pytrees import is_leaf, values_in_pytree
 from teg.ir.expr import Expr, Operand, Param
 from teg.ir.index import ArrayName, IndexArray

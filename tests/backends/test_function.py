@@ -22,7 +22,7 @@ from teg.backends.c import build as c_build
 from teg.backends.c import functions as c_functions
 from teg.backends.c.standalone import standalone_c
 from teg.backends.numpy import kernel as numpy_backend
-from teg.evaluator import plan
+from teg.evaluator import derivation
 from teg.ir.expr import Expr, Param
 from teg.ir.function import Function
 from teg.passes.program import link as linking
@@ -109,8 +109,8 @@ def work(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Counter[str]:
 
         monkeypatch.setattr(module, name, counted)
 
-    counting(plan, "compiled_outputs", lambda *_: "derived")
-    counting(plan, "program_for", lambda *_: "scheduled")
+    counting(derivation, "compiled_outputs", lambda *_: "derived")
+    counting(derivation, "program_for", lambda *_: "scheduled")
     counting(linking, "schedule", lambda *_: "bodies")
     counting(c_functions, "print_kernel", lambda *_: "printed")
     counting(numpy_backend, "_Printer", lambda program: "printed" if program.functions else "bodies printed")

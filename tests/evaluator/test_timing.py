@@ -12,7 +12,7 @@ import pytest
 
 import teg
 from teg.evaluator import timing
-from teg.evaluator.plan import GRADIENT, HESSIAN, VALUE, Wanted
+from teg.evaluator.wanted import GRADIENT, HESSIAN, VALUE, Wanted
 
 x, t = teg.var("x"), teg.param("t")
 

@@ -7,14 +7,14 @@ from pathlib import Path
 import pytest
 
 from teg.__main__ import main
-from teg.evaluator import plan
+from teg.evaluator import derivation
 from teg.examples.shaders import compare
 
 
 def test_every_light_is_right_and_the_window_is_derived_once(monkeypatch: pytest.MonkeyPatch) -> None:
     derived: list[object] = []
-    real = plan.compiled_outputs
-    monkeypatch.setattr(plan, "compiled_outputs", lambda *args: (derived.append(args), real(*args))[1])
+    real = derivation.compiled_outputs
+    monkeypatch.setattr(derivation, "compiled_outputs", lambda *args: (derived.append(args), real(*args))[1])
     rows = compare({"angle": 0.4, "width": 0.7, "contrast": 0.5})
     assert [row.name for row in rows] == ["waves", "lamp", "dawn", "sky"]
     assert max(row.error for row in rows) < 1e-13

@@ -14,7 +14,7 @@ import pytest
 
 import teg
 from teg.errors import ArrayIndexError, OperandError
-from teg.evaluator.plan import GRADIENT, VALUE, derivative_of_order
+from teg.evaluator.wanted import GRADIENT, VALUE, derivative_of_order
 
 jax = pytest.importorskip("jax")
 pytest.importorskip("jax.extend")

@@ -428,7 +428,7 @@ IN_PASSES: tuple[Mutant, ...] = (
         ("a candidate beside itself", "where(condition, rate(add(*terms), changes), ZERO) for", "rate(add(*terms), changes) for"),
     ),
     *mutants(
-        "teg/evaluator/plan.py",
+        "teg/evaluator/derivation.py",
         ("tests/passes/differentiate/test_moving_ends.py",),
         ("what does not move in a first derivative", "tangent(released(slope), direction", "tangent(slope, direction"),
     ),

@@ -48,6 +48,7 @@ ELSEWHERE = {
         "accuracy": "tests/evaluator/test_evaluator.py",
         "arguments": "tests/evaluator/test_evaluator.py",
         "counting": "tests/passes/normalise/test_padded.py",
+        "derivation": "tests/evaluator/test_evaluator.py",
         "explain": "tests/report/test_explain.py",
         "framework": "tests/interop/test_jax.py",
         "kept": "tests/evaluator/test_runs.py",
@@ -56,6 +57,7 @@ ELSEWHERE = {
         "options": "tests/evaluator/test_compile.py",
         "plan": "tests/evaluator/test_evaluator.py",
         "tabled": "tests/end_to_end/test_alike_terms.py",
+        "wanted": "tests/evaluator/test_timing.py",
     },
     "teg/interop": {"pytrees": "tests/interop/test_jax_arguments.py"},
     "teg/ir": {

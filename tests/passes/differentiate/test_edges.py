@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import teg
-from teg.evaluator import plan
+from teg.evaluator import derivation
 from tests.passes.differentiate.candidates import ALL, BACKENDS, BOX, D, follows_edges, k, p, t, x, y
 from tests.references.disks import integral_over_union, slopes_of_union
 
@@ -65,13 +65,13 @@ def test_a_union_in_jax(x64_for_jax: Any, kernel: str) -> None:
 def test_each_cell_is_derived_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Whether edges can be followed is found by the derivation that values, gradients and estimates of all backends share."""
     cells: Counter[object] = Counter()
-    derive = plan.compiled_outputs
+    derive = derivation.compiled_outputs
 
     def counted(cell: teg.Expr, wrt: Any, *others: Any, **options: Any) -> list[teg.Expr]:
         cells[cell, tuple(wrt)] += 1
         return derive(cell, wrt, *others, **options)
 
-    monkeypatch.setattr(plan, "compiled_outputs", counted)
+    monkeypatch.setattr(derivation, "compiled_outputs", counted)
     programs = [teg.compile(teg.integral(AREA * teg.exp(x + y), *BOX), [D], backend=backend) for backend in BACKENDS]
     for f in programs:
         assert follows_edges(f)

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import teg
-from teg.evaluator.plan import derivative_of_order
+from teg.evaluator.wanted import derivative_of_order
 from teg.ir.node import postorder
 from tests.passes.differentiate.candidates import ALL, BACKENDS, BOX, D, follows_edges, k, t, x, y
 from tests.passes.differentiate.test_layers import without_cells

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import teg
-from teg.evaluator import plan
+from teg.evaluator import derivation
 from teg.passes.intrinsics.polygon.adjoints import with_adjoints
 from teg.passes.intrinsics.polygon.polynomials import ONE, POINTS, Steady, derivative
 from teg.program import Polygon, compound
@@ -84,7 +84,7 @@ def program_of(kind: str) -> ArrayProgram:
 
 def without_moments(e: teg.Expr, wrt: list[Any]) -> ArrayProgram:
     """The program of value and gradient before the pass."""
-    with mock.patch.object(plan, "with_loops", lambda program: program):
+    with mock.patch.object(derivation, "with_loops", lambda program: program):
         program = teg.compile(e, wrt, backend="c").program(1)
     assert isinstance(program, ArrayProgram)
     return program
@@ -146,7 +146,7 @@ def test_pictures_with_and_without_moments(kind: str) -> None:
     for place in PLACES:
         data = scene(kind, place)
         value, slopes = ours.value_and_grad(data)
-        with mock.patch.object(plan, "with_loops", lambda program: program):
+        with mock.patch.object(derivation, "with_loops", lambda program: program):
             expected, exact = teg.compile(e, wrt, backend="numpy").value_and_grad(data)
         assert value == pytest.approx(expected, rel=1e-12), place
         for name in ("V", "C"):
@@ -180,7 +180,7 @@ def test_coordinates_begin_near_the_boxes() -> None:
     before = without_moments(e, [places, colours])
     assert with_adjoints(before) is not before
     slopes = ours.value_and_grad(data)[1]
-    with mock.patch.object(plan, "with_loops", lambda program: program):
+    with mock.patch.object(derivation, "with_loops", lambda program: program):
         exact = teg.compile(e, [places, colours], backend="numpy").value_and_grad(data)[1]
     for name in ("P", "C"):
         np.testing.assert_allclose(slopes[name], exact[name], rtol=1e-12, atol=1e-13)

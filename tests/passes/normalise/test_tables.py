@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import teg
-from teg.evaluator import plan
+from teg.evaluator import derivation
 from teg.ir.node import postorder
 from teg.ir.partition import Partition
 from teg.ir.tables import Table, TableEntry
@@ -69,7 +69,7 @@ def given(seed: int, shift: float = 0.0) -> dict[str, Any]:
 def plain() -> Any:
     """Returns an evaluator that computes every number where it is used; its programs are made here."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(plan, "with_tables", lambda e: e)
+        patch.setattr(derivation, "with_tables", lambda e: e)
         f = teg.compile(scene(names="uvw"), [P, C, s], backend="numpy")  # no derivation that others share
         f(given(0))
         f.value_and_grad(given(0))
