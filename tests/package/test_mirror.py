@@ -110,6 +110,7 @@ ELSEWHERE = {
         "cut": "tests/ir/test_arrays.py",
         "linear": "tests/passes/normalise/test_tables.py",
         "loops": "tests/ir/test_arrays.py",
+        "nest": "tests/ir/test_arrays.py",
         "rules": "tests/end_to_end/test_rules.py",
     },
     "teg/passes/normalise": {

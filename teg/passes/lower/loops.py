@@ -11,13 +11,13 @@ inside. So is a derivative by a table, which is complete before what is collecte
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import cache
 from typing import cast
 
 from teg.errors import DeltaError
 from teg.ir import simplify, uncovered
-from teg.ir.arrays import Array, Gather, Placed, Ranged, Slope, Sum, Unit, open_indices
+from teg.ir.arrays import Array, Gather, Ranged, Slope, Sum, Unit, open_indices
 from teg.ir.cells import cell_leaves, replaced
 from teg.ir.choices import Product, Winner
 from teg.ir.expr import ONE, TRUE, ZERO, Const, Expr, Param, Var
@@ -26,14 +26,8 @@ from teg.ir.index import (
     ArrayName,
     Index,
     IndexArray,
-    IndexCall,
-    IndexConst,
-    IndexGather,
-    IndexParam,
     IndexValue,
     IndexVar,
-    Length,
-    index_leaves,
 )
 from teg.ir.integral import Integral
 from teg.ir.node import Node, postorder
@@ -43,6 +37,7 @@ from teg.ir.tables import RowSum, Table, TableUnit
 from teg.numerics.cells import Layout
 from teg.passes.lower.cut import parts_of, program_of
 from teg.passes.lower.linear import has_units, outside_of, stages, taken_apart
+from teg.passes.lower.nest import Level, Names
 from teg.program import Assign, Program
 from teg.program.arrays import (
     AddTo,
@@ -54,18 +49,14 @@ from teg.program.arrays import (
     Combined,
     Factors,
     Gaps,
-    Integers,
     Least,
     Like,
-    Load,
     Loop,
-    Number,
     Rows,
     Run,
     Scatter,
     SeenLoop,
     Step,
-    Take,
 )
 from teg.program.verify import verified_arrays
 
@@ -91,7 +82,7 @@ def schedule_arrays(
     differentiated: Sequence[Expr] = (),
 ) -> ArrayProgram:
     """Returns one program for several outputs, which may be derivatives of the `differentiated` expressions."""
-    return verified_arrays(_ArrayScheduler(parameters, arrays, flat, differentiated).run(outputs), "after schedule arrays")
+    return verified_arrays(_Scheduler(parameters, arrays, flat, differentiated).run(outputs), "after schedule arrays")
 
 
 def output_of(e: Expr) -> Output:
@@ -105,36 +96,22 @@ def array_specs(arrays: Iterable[ArrayName]) -> tuple[ArraySpec, ...]:
     return tuple(ArraySpec(a.name, a.dimensions, isinstance(a, IndexArray)) for a in arrays)
 
 
-@dataclass(slots=True)
-class _Level:
-    """One loop: its index, its name, the steps so far, and the nodes that have a name there."""
-
-    depth: int
-    index: IndexVar | None
-    outer: _Level | None
-    names: dict[Node, Arg] = field(default_factory=dict)
-    steps: list[Step] = field(default_factory=list)
-
-
-class _ArrayScheduler:
+class _Scheduler:
     def __init__(
         self, parameters: Sequence[str], arrays: Sequence[ArrayName], flat: tuple[Schedule, Places], differentiated: Sequence[Expr]
     ) -> None:
-        self.parameters = tuple(parameters)
-        self.arrays = tuple(arrays)
+        self.parameters, self.arrays = tuple(parameters), tuple(arrays)
         self.flat, self.places = flat
         self._sources = _sources(differentiated)
-        self._number = {a: k for k, a in enumerate(self.arrays)}
-        self._count = 0
+        self._names = Names(self.parameters, self.arrays)
+        self._number, self._tables, self._rows = self._names.number, self._names.tables, self._names.rows
+        self._fresh, self._integer, self._leaf = self._names.fresh, self._names.integer, self._names.leaf
         self._title: Callable[[Expr], str] = cache(lambda leaf: shortened(leaf, 60))
-        self._depth: dict[Arg, int] = {}  # by name: the level where it is defined
         self._open: dict[Node, frozenset[IndexVar]] = {}
         self._sloped: set[Node] = set()  # partitions of which derivatives are used
-        self._tables: dict[Expr, tuple[str, Layout]] = {}
-        self._rows: dict[Node, str] = {}  # by a table, or by a derivative by one
 
     def run(self, outputs: Sequence[Output]) -> ArrayProgram:
-        top = _Level(0, None, None)
+        top = Level(0, None, None)
         for k, name in enumerate(self.parameters):
             top.names[Param.make(name, ())] = f"p{k}"
         scalars = [e for e in outputs if isinstance(e, Expr)]
@@ -155,22 +132,16 @@ class _ArrayScheduler:
         results = tuple(names[e] if isinstance(e, Expr) else Like(self._number[e[0]]) for e in outputs)
         return ArrayProgram(self.parameters, array_specs(self.arrays), tuple(top.steps), results)
 
-    def _blank(self, top: _Level, leaf: Expr) -> str:
+    def _blank(self, top: Level, leaf: Expr) -> str:
         """Emits an empty table for a derivative by a table."""
         table = next(cast(Table, n.table) for n in postorder([leaf]) if isinstance(n, TableUnit))
         rows, name = self._integer(table.hi, top), self._fresh("i", top)
         top.steps.append(Blank(name, rows, len(table.numbers), tuple(self._number[a] for a in table.arrays)))
         return name
 
-    def _fresh(self, kind: str, level: _Level) -> str:
-        self._count += 1
-        name = f"{kind}{self._count}"
-        self._depth[name] = level.depth
-        return name
-
     # -- levels --------------------------------------------------------------------------------------------------------
 
-    def _level(self, level: _Level, roots: Sequence[Expr], linear: Sequence[_Place]) -> list[Arg]:
+    def _level(self, level: Level, roots: Sequence[Expr], linear: Sequence[_Place]) -> list[Arg]:
         """Emits steps for numbers, whose names are returned, and for arrays and tables: (output or table, expression with units, weight).
 
         The recursion is as deep as sums are nested.
@@ -195,11 +166,11 @@ class _ArrayScheduler:
                 level.steps.append(Scatter(int(output), self._number[unit.array], places, name))
         return names[: len(roots)]
 
-    def _loops(self, level: _Level, roots: Sequence[Expr], linear: Sequence[tuple[int | str, Sum, Expr]]) -> None:
+    def _loops(self, level: Level, roots: Sequence[Expr], linear: Sequence[tuple[int | str, Sum, Expr]]) -> None:
         """Emits a loop for every sum of this level, in the order of their dependence."""
         bodies = [*roots, *(s for _, s, _ in linear)]
-        outside = self._indices(level)
-        within = frozenset(self._bound(level))
+        outside = level.outwards()
+        within = frozenset(at.index for at in outside if at.index is not None)
         mine: list[Ranged] = []
         height: dict[Node, int] = {}
         known = {s for at in outside for s in at.names if isinstance(s, Ranged)}
@@ -251,12 +222,12 @@ class _ArrayScheduler:
         k: IndexVar,
         lo: Index,
         hi: Index,
-        level: _Level,
+        level: Level,
         numbers: Sequence[Expr],
         places: Sequence[_Place] = (),
     ) -> tuple[tuple[str, Arg, Arg, tuple[Step, ...]], tuple[Arg, ...]]:
         """Returns the first fields of a loop, and the names of the numbers that an iteration computes."""
-        inner = _Level(level.depth + 1, k, level)
+        inner = Level(level.depth + 1, k, level)
         index = self._fresh("i", inner)
         inner.names[k] = index
         bounds = self._integer(lo, level), self._integer(hi, level)
@@ -271,7 +242,7 @@ class _ArrayScheduler:
         """Returns what says which iterations matter: a pullback, or the array of indices of `_listed`."""
         return node.pullback if isinstance(node, SeenSum) else self._listed(node)
 
-    def _pullback(self, node: Pullback, level: _Level) -> None:
+    def _pullback(self, node: Pullback, level: Level) -> None:
         """Emits the table of a weighted sum of partitions."""
         name = self._fresh("i", level)
         weights = tuple(self._cell(level, node.weights))
@@ -279,7 +250,7 @@ class _ArrayScheduler:
         level.names[node] = name
         self._tables[node] = name, node.layout
 
-    def _table(self, node: Table, level: _Level) -> str:
+    def _table(self, node: Table, level: Level) -> str:
         """Emits the rows of a table; returns its name."""
         loop, values = self._around(node.index, node.lo, node.hi, level, node.numbers)
         name = self._fresh("i", level)
@@ -288,7 +259,7 @@ class _ArrayScheduler:
         level.names[node] = name
         return name
 
-    def _partitions(self, nodes: Sequence[Partition], level: _Level) -> None:
+    def _partitions(self, nodes: Sequence[Partition], level: Level) -> None:
         """Emits the cells of partitions over one range; those with the same guards and keys share their cells."""
         shared: dict[tuple[Layout, tuple[Expr, ...]], list[Partition]] = {}
         for node in nodes:
@@ -314,7 +285,7 @@ class _ArrayScheduler:
             level.names.update(zip(group, results, strict=True))
             self._tables.update((n, (table, shape)) for n, table in zip(group, tables, strict=False))
 
-    def _gaps(self, nodes: Sequence[uncovered.Gaps], level: _Level) -> None:
+    def _gaps(self, nodes: Sequence[uncovered.Gaps], level: Level) -> None:
         """Emits sums over gaps; those over the same gaps share them."""
         shared: dict[tuple[object, ...], list[uncovered.Gaps]] = {}
         for node in sorted(nodes, key=lambda n: n.is_moving, reverse=True):  # there is one direction in which ends move
@@ -324,7 +295,7 @@ class _ArrayScheduler:
             assert all(n.children[6:] in ((), node.children[6:]) for n in group), "ends of the same gaps have the same velocities"
             first, last = self._ends(group, level)
             outer = tuple(self._cell(level, node.outer_velocities))
-            inner, gap = _Level(level.depth + 1, node.index, level), _Level(level.depth + 1, None, level)
+            inner, gap = Level(level.depth + 1, node.index, level), Level(level.depth + 1, None, level)
             index, (left, right) = self._fresh("i", inner), (self._fresh("v", gap) for _ in node.ends)
             moving = tuple(self._fresh("v", gap) for _ in outer)
             inner.names.update({node.index: index, FIRST_LAST[0]: first, FIRST_LAST[1]: last})
@@ -340,7 +311,7 @@ class _ArrayScheduler:
             level.steps.append(replace(line, velocities=velocities, outer=outer, moving=moving))
             level.names.update(zip(group, results, strict=True))
 
-    def _ends(self, group: Sequence[uncovered.Gaps], level: _Level) -> tuple[Arg, Arg]:
+    def _ends(self, group: Sequence[uncovered.Gaps], level: Level) -> tuple[Arg, Arg]:
         """Returns the ends of a line, which is a point where no place matters."""
         first, last = self._cell(level, cast("Sequence[Expr]", group[0].children[:2]))
         matters = simplify.disjunction(*(simplify.nonzero_part(n.matters)[0] for n in group))
@@ -352,109 +323,18 @@ class _ArrayScheduler:
         level.steps.append(Run(_BEGIN, (some, first, last), (begin,)))
         return begin, last
 
-    def _bound(self, level: _Level | None) -> Iterable[IndexVar]:
-        while level is not None:
-            if level.index is not None:
-                yield level.index
-            level = level.outer
-
-    def _indices(self, level: _Level) -> list[_Level]:
-        found = []
-        at: _Level | None = level
-        while at is not None:
-            found.append(at)
-            at = at.outer
-        return found
-
-    def _known(self, node: Node, levels: Sequence[_Level]) -> Arg | None:
-        return next((at.names[node] for at in levels if node in at.names), None)
-
-    def _home(self, level: _Level, opened: frozenset[IndexVar]) -> _Level:
-        """Returns the outermost level where all `opened` indices exist."""
-        at = level
-        while at.outer is not None and at.index not in opened:
-            at = at.outer
-        return at
-
-    # -- integers and leaves -------------------------------------------------------------------------------------------
-
-    def _integer(self, root: Index, level: _Level) -> Arg:
-        levels = self._indices(level)
-        opened: dict[Node, frozenset[IndexVar]] = {}
-        for node in index_leaves([root]):
-            opened[node] = frozenset((node,)) if isinstance(node, IndexVar) else frozenset().union(*(opened[c] for c in node.children))
-            if isinstance(node, IndexConst) or self._known(node, levels) is not None:
-                continue
-            home = self._home(level, opened[node])
-            args = tuple(self._integer_name(c, levels) for c in node.children)
-            name = self._fresh("i", home)
-            match node:
-                case IndexCall():
-                    home.steps.append(Integers(name, node.data, args))
-                case IndexGather():
-                    home.steps.append(Integers(name, "gather", args, self._number[node.array]))
-                case Length():
-                    home.steps.append(Integers(name, "length", (node.axis,), self._number[node.array]))
-                case IndexParam():
-                    home.steps.append(Integers(name, "param", (self.parameters.index(node.param.name),)))
-                case _:
-                    raise AssertionError(f"the index {node} has no sum")
-            home.names[node] = name
-        return self._integer_name(root, levels)
-
-    def _integer_name(self, node: Node, levels: Sequence[_Level]) -> Arg:
-        if isinstance(node, IndexConst):
-            return int(node.data)
-        return cast(Arg, self._known(node, levels))
-
-    def _leaf(self, leaf: Expr, level: _Level) -> Arg:
-        """Returns the name of an entry, an integer as a number, a parameter, or a sum."""
-        levels = self._indices(level)
-        known = self._known(leaf, levels)
-        if known is not None:
-            return known
-        match leaf:
-            case Gather():
-                places = tuple(self._integer(i, level) for i in leaf.subscripts)
-            case IndexValue():
-                places = (self._integer(leaf.index, level),)
-            case Slope():
-                table, shape = self._tables[leaf.table]
-                places = (self._integer(leaf.row, level), table)
-            case Placed():
-                places = (self._integer(leaf.row, level), self._rows[leaf.table])
-            case _:
-                raise AssertionError(f"{type(leaf).__name__} has no name")
-        depth = max((self._depth.get(i, 0) for i in places), default=0)
-        home = next(at for at in levels if at.depth == depth)
-        name = self._fresh("v", home)
-        match leaf:
-            case Gather():
-                home.steps.append(Load(name, self._number[leaf.array], places))
-            case Slope():
-                columns = cast("Partition | Pullback", leaf.table).layout.columns
-                column = leaf.column % columns + shape.columns * (leaf.column // columns)
-                home.steps.append(Take(name, table, places[0], column))
-            case Placed():
-                home.steps.append(Take(name, str(places[1]), places[0], leaf.column))
-            case _:
-                home.steps.append(Number(name, places[0]))
-        home.names[leaf] = name
-        return name
-
     # -- cells ---------------------------------------------------------------------------------------------------------
 
-    def _cell(self, level: _Level, values: Sequence[Expr]) -> list[Arg]:
+    def _cell(self, level: Level, values: Sequence[Expr]) -> list[Arg]:
         """Returns names of numbers at a level. Expressions are computed by flat programs, cut where they stop depending on an index."""
-        levels = self._indices(level)
-        simple = dict.fromkeys(v for v in values if isinstance(v, Const | Gather | IndexValue) or self._known(v, levels) is not None)
+        simple = dict.fromkeys(v for v in values if isinstance(v, Const | Gather | IndexValue) or level.known(v) is not None)
         rest = list(dict.fromkeys(v for v in values if v not in simple))
         names: dict[Expr, Arg] = {v: float(v.data) if isinstance(v, Const) else self._leaf(v, level) for v in simple}
         if rest:
             names.update(zip(rest, self._flat(level, rest), strict=True))
         return [names[v] for v in values]
 
-    def _flat(self, level: _Level, roots: Sequence[Expr], line: Var | None = None) -> list[Arg]:
+    def _flat(self, level: Level, roots: Sequence[Expr], line: Var | None = None) -> list[Arg]:
         leaves = cell_leaves(roots)
         if any(isinstance(leaf, Unit) for leaf in leaves):
             raise DeltaError(
@@ -469,18 +349,17 @@ class _ArrayScheduler:
         names = [*(s.name for s in symbols.values()), *(p.name for p in plain)]
         program = self.flat(cells, names, self._sources_of(symbols)) if line is None else self.places(cells, names, line)
         program = replace(program, parameters=(*map(self._title, leaves), *(p.name for p in plain)))
-        depths = [self._depth.get(a, 0) if isinstance(a, str) else 0 for a in given]
-        return self._split(level, program, given, depths)
+        return self._split(level, program, given, [self._names.depth(a) for a in given])
 
     def _sources_of(self, symbols: Mapping[Expr, Param]) -> list[Expr]:
         """Returns the integrals whose derivatives may be in a cell: those that need no other leaves than it has."""
         near = [source for first in (None, *symbols) for source in self._sources.get(first, ())]
         return replaced([i for i, leaves in near if leaves <= symbols.keys()], cast("Mapping[Node, Expr]", symbols)) if near else []
 
-    def _split(self, level: _Level, program: Program, given: Sequence[Arg], depths: Sequence[int]) -> list[Arg]:
+    def _split(self, level: Level, program: Program, given: Sequence[Arg], depths: Sequence[int]) -> list[Arg]:
         """Returns the results of a flat program that is cut: statements without an inner index go further out."""
         name: dict[str, Arg] = {f"p{k}": a for k, a in enumerate(given)}
-        levels = list(reversed(self._indices(level)))
+        levels = list(reversed(level.outwards()))
         for at, part in zip(levels, parts_of(program, depths, [at.depth for at in levels]), strict=True):
             if part.across:
                 flat, used = program_of(part, program)
