@@ -12,7 +12,7 @@ from __future__ import annotations
 from typing import Any, cast
 
 from teg.ir.arrays import Ranged
-from teg.ir.expr import Call, Cond, Expr, Param, Var, Where
+from teg.ir.expr import Cond, Expr, Param, Var, Where
 from teg.ir.function import Apply, Slot
 from teg.ir.index import APART
 from teg.ir.node import Node, nodes_of, union
@@ -33,12 +33,6 @@ VELOCITIES = Param.make(f"{APART}left moves", ()), Param.make(f"{APART}right mov
 def marks_of(root: Node) -> list[Apply]:
     """Returns the places in an expression that candidates may cover: functions without a body."""
     return [n for n in nodes_of(Apply, root) if isinstance(n.callee, Slot) and len(n.callee.data) > 4]
-
-
-def places_of(mark: Apply) -> tuple[Expr, ...]:
-    """Returns what the variables of a mark stand for: those of the place, and data that its conditions share with the edge. As long as the
-    edge has no chart, these do not move with parameters by themselves: they are `chosen`."""
-    return tuple(e.children[0] if isinstance(e, Call) and e.name == "chosen" else e for e in mark.children)
 
 
 class Uncovered(Ranged, Expr):

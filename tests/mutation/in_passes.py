@@ -291,11 +291,6 @@ IN_PASSES: tuple[Mutant, ...] = (
         ("a site that is nearer everywhere", "where(positive(border.opened), ", "where(positive(const(1.0)), "),
     ),
     *mutants(
-        "teg/ir/uncovered.py",
-        ("tests/passes/eliminate/test_focal.py",),
-        ("how fast a shared focus moves", 'isinstance(e, Call) and e.name == "chosen"', "isinstance(e, Cond)"),
-    ),
-    *mutants(
         "teg/passes/normalise/uncovered.py",
         ("tests/passes/normalise/test_thresholds.py",),
         ("regions with other functions than polynomials", "return canonical.atom(old.g, old.strict)", "return new"),

@@ -46,7 +46,7 @@ from teg.ir.operands import as_number, less
 from teg.ir.simplify import add, bracket, call, conjunction, disjunction, integer_power, mul, negation, positive, sub, where
 from teg.ir.still import with_still_parameters
 from teg.ir.traverse import fresh, rewrite_below, substitute
-from teg.ir.uncovered import ARC, ARCS, HALF, SHIFT, TURN, Uncovered, marks_of, places_of
+from teg.ir.uncovered import ARC, ARCS, HALF, SHIFT, TURN, Uncovered, marks_of
 from teg.passes.differentiate.gaps import Around, over_gaps, placed
 from teg.passes.normalise.partitions import Refused
 
@@ -365,7 +365,7 @@ def _covering(mark: Apply) -> Around:
     if any(mark.derivative):
         raise Refused("an edge has no chart")
     around, variables = cast(Slot, mark.callee).data[4]
-    at = dict(zip(variables, places_of(mark), strict=True))
+    at = dict(zip(variables, mark.children, strict=True))
     return Around(around.over, placed(around.condition, at), cast(Expr, substitute(around.tie, at)), placed(around.within, at))
 
 
@@ -383,7 +383,7 @@ def _of_nest(node: Integral, inner: Sequence[Integral], derive: Derive) -> Expr:
         (body,) = replaced([part.body], {marks[0]: ONE})
         (whole,) = replaced([node.body], {other: body if other is part else ZERO for other in inner})
         around, names = cast(Slot, marks[0].callee).data[4]
-        at = dict(zip(names, places_of(marks[0]), strict=True))
+        at = dict(zip(names, marks[0].children, strict=True))
         conditions = (cast(Cond, substitute(c, at)) for c in (around.condition, around.within))
         over = *around.over, variables
         weight = whole if rest is ZERO else sub(whole, rest)

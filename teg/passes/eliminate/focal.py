@@ -28,7 +28,7 @@ from teg.ir.expr import MINUS_ONE, ONE, ZERO, Compare, Cond, Expr, Var, const
 from teg.ir.integral import integral_over
 from teg.ir.simplify import add, call, disjunction, div, mul, positive, sub, where
 from teg.ir.traverse import fresh, substitute
-from teg.ir.uncovered import SHIFT, TURN, marks_of, places_of
+from teg.ir.uncovered import SHIFT, TURN, marks_of
 from teg.passes.eliminate.conic import EIGHTH, QUARTERS, turned
 from teg.passes.eliminate.marks import with_conditions_at
 
@@ -69,7 +69,7 @@ def rewrite_focal(g: Expr, coefficient: Expr, chain: Chain, data: Focal) -> Expr
 def _about_common_focus(borders: tuple[Border, Border], coefficient: Expr) -> Border:
     """Returns the border about that focus which all borders have by which others may cover it."""
     for mark in marks_of(coefficient):
-        common = places_of(mark)[2:]
+        common = mark.children[2:]
         for border in borders:
             if common and all(is_null(sub(mine, focus)) for mine, focus in zip(border.focus, common, strict=True)):
                 return border

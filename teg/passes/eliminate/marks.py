@@ -11,7 +11,7 @@ from teg.ir.function import Apply, Slot
 from teg.ir.node import Node
 from teg.ir.simplify import positive
 from teg.ir.traverse import fresh, rewrite_below
-from teg.ir.uncovered import marks_of, places_of
+from teg.ir.uncovered import marks_of
 
 Moved = Callable[[Expr, Sequence[Var], Sequence[Var]], Expr]
 """A function of the variables of a place, as one with the same sign of the terms of a chart."""
@@ -22,7 +22,7 @@ def with_conditions_at(value: Expr, at: Sequence[Expr], moved: Moved, terms: Seq
     found: dict[Node, Expr] = {}
     for mark in marks_of(value):
         around, names = cast(Slot, mark.callee).data[4]
-        if (arguments := places_of(mark))[: len(at)] == tuple(at):
+        if (arguments := mark.children)[: len(at)] == tuple(at):
             about: list[Var] = []
             for _ in terms:
                 about.append(fresh("term", [*names, *about]))

@@ -85,6 +85,7 @@ def test_splats_with_depths() -> None:
 def test_products_with_the_hessian() -> None:
     rows, moved = random_ellipses(6, seed=3), np.random.default_rng(0).normal(size=(6, 5)) * [0.1, 0.1, 1.0, 1.0, 1.0]
     f = teg.compile(teg.integral(AREA * (1 + x * y), *BOX), [D], backend="c")
+    assert follows_edges(f, 2)
     h = 1e-3
     around = [slopes_of_union(rows + s * h * moved, weight) - slopes_of_union(rows - s * h * moved, weight) for s in (1, 2, 3)]
     expected = (45 * around[0] - 9 * around[1] + around[2]) / (60 * h)
@@ -273,8 +274,21 @@ def test_symmetric_sites() -> None:
     assert gradient["D"] == pytest.approx(np.array([[-1.0, 0.0, -1.0, 0.0, 0.0, 1.5], [1.0, 0.0, 1.0, 0.0, 0.0, 1.5]]) / 3, abs=1e-12)
 
 
+def test_second_derivatives_of_metrics() -> None:
+    """All sites move along y, and all metrics lean more."""
+    u, v = x - D[k, 3], y - D[k, 4] - t
+    key = D[k, 0] * u**2 + (1 + t) * D[k, 1] * u * v + D[k, 2] * v**2
+    f = teg.compile(teg.integral(teg.nearest(D[k, 5], key, ALL), *BOX), [t])
+    assert follows_edges(f, 2)
+    rows, h = random_metrics(3, seed=5), 1e-3
+    around = [f.grad(D=rows, t=s * h)["t"] - f.grad(D=rows, t=-s * h)["t"] for s in (1, 2, 3)]
+    expected = (45 * around[0] - 9 * around[1] + around[2]) / (60 * h)
+    assert f.hvp({"D": rows, "t": 0.0}, {"t": 1.0})["t"] == pytest.approx(expected, abs=1e-7)
+
+
 def test_products_with_the_hessian_of_metrics() -> None:
     f = teg.compile(WINNER, [D], backend="c")
+    assert follows_edges(f, 2)
     rows, moved = random_metrics(3, seed=5), np.random.default_rng(5).normal(size=(3, 6))
     h = 1e-4
     around = [f.grad(D=rows + s * h * moved)["D"] - f.grad(D=rows - s * h * moved)["D"] for s in (1, 2, 3)]
