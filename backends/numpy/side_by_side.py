@@ -22,7 +22,8 @@ from teg.backends.branches import with_branches
 from teg.backends.c.crossed import Crossed, crossed
 from teg.backends.c.items import Item, Nodes, defines
 from teg.backends.c.lanes import Packed, packed
-from teg.backends.numpy.kernel import DIALECT, MEMORY, NumpyKernel, compile_numpy
+from teg.backends.numpy.kernel import MEMORY, NumpyKernel, compile_numpy
+from teg.backends.numpy.printer import DIALECT
 from teg.backends.text import assignment, inside, value
 from teg.program import Arg, Assign, Outcome, Program
 from teg.program.names import of_kind

@@ -21,7 +21,7 @@ from teg.analysis import bodies
 from teg.backends.c import build as c_build
 from teg.backends.c import functions as c_functions
 from teg.backends.c.standalone import standalone_c
-from teg.backends.numpy import kernel as numpy_backend
+from teg.backends.numpy import printer as numpy_printer
 from teg.evaluator import derivation
 from teg.ir.expr import Expr, Param
 from teg.ir.function import Function
@@ -113,7 +113,7 @@ def work(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Counter[str]:
     counting(derivation, "program_for", lambda *_: "scheduled")
     counting(linking, "schedule", lambda *_: "bodies")
     counting(c_functions, "print_kernel", lambda *_: "printed")
-    counting(numpy_backend, "_Printer", lambda program: "printed" if program.functions else "bodies printed")
+    counting(numpy_printer, "_Printer", lambda program: "printed" if program.functions else "bodies printed")
     counting(c_build, "compile_library", lambda text, target, *_: f"{target.suffix} {'kernel' if 'teg_kernel' in text else 'body'}")
     monkeypatch.setenv("TEG_CACHE_DIR", str(tmp_path))
     return done

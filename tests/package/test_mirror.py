@@ -8,7 +8,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 
 BY_FEATURE = {
-    "adaptive guard integrals kernel lanes pieces runtime": "tests/backends/numpy/test_kernel.py tests/backends/jax/test_kernel.py",
+    "adaptive guard integrals kernel lanes pieces printer runtime": "tests/backends/numpy/test_kernel.py tests/backends/jax/test_kernel.py",
     "bends": "tests/backends/test_bends.py",
     "ellipse ellipses arcs": "tests/backends/test_ellipse.py tests/backends/test_clipped_ellipse.py",
     "hyperbola moments": "tests/backends/test_hyperbola.py",
