@@ -14,13 +14,14 @@ def shared(
     caller: str = "pace.caller = 1;",
     own: str = "&pace",
     share: str = "1",
+    worth: str = "team > 1",
 ) -> list[str]:
-    """Returns the lines of a `loop` that is cut into parts of `share` iterations. Each thread runs `opening` before, which declares its
-    pace, `own`, and `closing` behind. `working` counts the threads, the thread of the call marks itself as the `caller`, and waits for
-    the others."""
+    """Returns the lines of a `loop` that is cut into parts of `share` iterations, for one thread unless it is `worth` a team. Each thread
+    runs `opening` before, which declares its pace, `own`, and `closing` behind. `working` counts the threads, the thread of the call marks
+    itself as the `caller`, and waits for the others."""
     return [
         "#ifdef _OPENMP",
-        "#pragma omp parallel num_threads(team) if (team > 1)",
+        f"#pragma omp parallel num_threads(team) if ({worth})",
         "#endif",
         "{",
         *indent(
