@@ -29,5 +29,14 @@ def gates_of(condition: Cond, atoms: Sequence[Compare]) -> tuple[Cond, Cond]:
     return as_it_is, negated
 
 
+def are_apart(first: Cond, second: Cond) -> bool:
+    """Returns whether two conditions exclude each other, as far as their forms say: each alternative of the one, each of the other."""
+
+    def alternatives(condition: Cond) -> Sequence[Cond]:
+        return cast("Sequence[Cond]", condition.children) if isinstance(condition, Or) else (condition,)
+
+    return all(conjunction(a, b) is FALSE for a in alternatives(first) for b in alternatives(second))
+
+
 def _may_tie(condition: Cond) -> bool:
     return any(isinstance(n, Compare) and n.resolution is not None for n in postorder([condition]))

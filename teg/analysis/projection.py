@@ -276,6 +276,10 @@ class Projection:
                     continue
                 first, second = self._coefficients(f, g)
                 resultant = _resultant(first, second)
+                if self.functions.is_zero(resultant):  # a root that they have in common everywhere: the other ones meet
+                    (a1, b1, _), (a2, b2, _) = first, second
+                    self._put(sub(mul(a1, b2), mul(a2, b1)), matters, self._both(f, g))
+                    continue
                 self.functions.note_derived(resultant, f)
                 self._put(_unless_linear(resultant, first, second), matters, self._both(f, g))
                 for turning, other in ((first, second), (second, first)):

@@ -35,6 +35,7 @@ from teg.maps.diffeomorphism import Diffeomorphism
 from teg.passes.differentiate.edges import values_along_edges
 from teg.passes.differentiate.estimators.estimator import Estimator
 from teg.passes.differentiate.estimators.ignore import Ignore, ignore_discontinuities
+from teg.passes.differentiate.parted import with_alternatives_apart
 from teg.passes.differentiate.through_sums import Parameter, gradient, on_cells, rates_along_edges, tangent
 from teg.passes.intrinsics import with_loops
 from teg.passes.lower.gaps import Candidate, schedule_matters, schedule_places
@@ -306,8 +307,9 @@ def followed(e: Expr, wrt: Sequence[Parameter]) -> Followed:
     if not nodes_of(Uncovered, e):
         return Followed(e)
     try:
-        edges = values_along_edges(e, derive)
-        return Followed(e, edges, {entry: gradient(entry, wrt, derive) for entry in (flatten(e) if wrt else ())})
+        apart = with_alternatives_apart(e)
+        edges = values_along_edges(apart, derive)
+        return Followed(apart, edges, {entry: gradient(entry, wrt, derive) for entry in (flatten(apart) if wrt else ())})
     except Refused as refused:
         return Followed(without_uncovered(e, refused.reason))
 

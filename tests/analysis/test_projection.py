@@ -195,3 +195,26 @@ def test_surfaces_over_triangles_that_turn_over(name: str) -> None:
     by_b = mpmath.quad(lambda r: -times(r) * h(r) / 0.04 if -0.2 < h(r) < 0.4 else 0, ends)
     assert value == pytest.approx(float(total), rel=1e-11)
     assert slopes["b"] == pytest.approx(float(by_b), rel=1e-9)
+
+
+def graphs(factor: Expr) -> tuple[Expr, ...]:
+    """y·(x - a)·f - b·(x - ½)·f and the same of c and d, written as sums of monomials of x, for a factor f = x + s."""
+    s = factor - x
+    return tuple(y * x * x + (s - m) * y * x - s * m * y - n * x * x + (0.5 - s) * n * x + 0.5 * s * n for m, n in ((a, b), (c, d)))
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("shift", [0.2, 0.0])
+def test_surfaces_with_a_common_factor(shift: float, backend: str) -> None:
+    """Two curves y = b·(x - ½)/(x - a), each beside the line x = -s: the places where the curves meet are found although the lines are one.
+    The derivative is an integral along the seen part of the second curve."""
+    first, second = graphs(x + shift)
+    body = teg.bracket((first < 0) & (second < 0))
+    f = teg.compile(teg.integral(body, (x, 0, 1), (y, 0, 1)), [c, d], backend=backend)
+    g = f.grad(a=0.55, b=0.72, c=0.8, d=0.2)
+    at = (np.arange(2_000_000) + 0.5) / 2_000_000
+    height = 0.2 * (at - 0.5) / (at - 0.8)
+    seen = (height > 0) & (height < 1) & (height * (at - 0.55) < 0.72 * (at - 0.5))
+    outwards = np.sign(at - 0.8) * seen  # below the curve on the right of its pole, above it on the left
+    assert g["c"] == pytest.approx((outwards * height / (at - 0.8)).mean(), abs=3e-6)
+    assert g["d"] == pytest.approx((outwards * height / 0.2).mean(), abs=3e-6)

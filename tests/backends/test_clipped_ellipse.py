@@ -261,3 +261,19 @@ def test_pieces_of_many_disks(backend: str) -> None:
         radial.append(2.0 * radius * exact(ROUND, place, "border", 0, 0, (line,)))
     assert value == pytest.approx(area, abs=1e-13)
     np.testing.assert_allclose(slopes["D"][:, 2], radial, atol=1e-12)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("ends", [(0.2, 0.3, 0.7, 0.6), (0.58, 0.36, 0.22, 0.21), (0.29, 0.78, 0.73, 0.69), (0.2, 0.5, 0.7, 0.5)])
+def test_strokes_between_places_that_are_numbers(ends: tuple[float, ...], backend: str) -> None:
+    """Two half disks and a strip, |p - s·d|² < t² with s clipped to (0, 1): roundings of numbers make the strip an ellipse, 10⁸ times as
+    long as the box, whose centre has no digits."""
+    (ax, ay, bx, by), t = ends, teg.param("t")
+    u, v, dx, dy = x - ax, y - ay, bx - ax, by - ay
+    s = teg.minimum(teg.maximum((u * dx + v * dy) / (dx * dx + dy * dy), 0), 1)
+    within = (u - s * dx) ** 2 + (v - s * dy) ** 2 < t * t
+    f = teg.compile(teg.integral(teg.bracket(within), (x, 0, 1), (y, 0, 1)), [t], backend=backend)
+    (value, error), gradient = f.value_and_error(t=0.1), f.grad(t=0.1)
+    length = math.hypot(dx, dy)
+    assert (value, error) == (pytest.approx(0.01 * math.pi + 0.2 * length, abs=1e-14), pytest.approx(0.0, abs=1e-12))
+    assert gradient["t"] == pytest.approx(0.2 * math.pi + 2.0 * length, abs=1e-13)

@@ -32,7 +32,7 @@ from typing import NamedTuple, cast
 from teg.analysis.antiderivative import integrated
 from teg.analysis.calculus import slope
 from teg.analysis.foci import with_common_focus
-from teg.analysis.gates import gates_of
+from teg.analysis.gates import are_apart, gates_of
 from teg.analysis.surfaces import atoms_of
 from teg.errors import NotDifferentiableError
 from teg.ir.arrays import sum_over
@@ -184,7 +184,8 @@ def _is_opposite(node: Uncovered, edge: _Surface, other: _Surface) -> Cond:
     """Returns whether another surface of a candidate runs along its edge, and the candidate covers neither side there, or both: its two
     edges cancel, if both are seen or none is."""
     senses = (_sense(node.condition, surface) for surface in (edge, other))
-    return conjunction(_on_line(other.g, node), positive(mul(MINUS_ONE, *senses, _dot(edge.g, other.g, node.variables))))
+    counts = disjunction(*gates_of(node.condition, other.atoms))
+    return conjunction(counts, _on_line(other.g, node), positive(mul(MINUS_ONE, *senses, _dot(edge.g, other.g, node.variables))))
 
 
 class _Surface(NamedTuple):
@@ -219,7 +220,7 @@ def _sense(condition: Cond, surface: _Surface) -> Expr:
     with_it, against = gates_of(condition, surface.atoms)
     if FALSE in (with_it, against):
         return ONE if against is FALSE else MINUS_ONE
-    if conjunction(with_it, against) is not FALSE:
+    if not are_apart(with_it, against):
         raise Refused("an edge of a candidate has it on either side")
     return where(with_it, ONE, MINUS_ONE)
 

@@ -27,7 +27,7 @@ from teg.ir.index import IndexConst, IndexGather, IndexParam, IndexVar, index_le
 from teg.ir.integral import Integral, integral_over
 from teg.ir.node import Node, postorder
 from teg.ir.partition import Partition
-from teg.ir.simplify import add, integer_power, mul, where
+from teg.ir.simplify import add, integer_power, mul, negation, where
 from teg.ir.traverse import substitute
 from teg.numerics.cells import MOST_DEGREE, MOST_GUARDS, Layout
 from teg.passes.normalise.factors import with_single_factors
@@ -155,7 +155,7 @@ def _partition(body: Expr, box: _Box) -> Expr:
     k = choice.over.index
     factored = with_single_factors(choice.condition)
     condition, touching = with_affine_atoms(factored), factored is not choice.condition
-    parts = _disjunctive(condition)
+    parts = disjunctive(condition)
     if len(parts) > 1 and ((condition is not factored and can_be_written_out(choice.over)) or (touching and _is_counted(choice.over))):
         raise Refused("alternatives that share borders or corners have no second derivatives")
     guards = max(1, *(len(p) for p in parts))
@@ -197,13 +197,19 @@ def _is_counted(over: Ranged) -> bool:
 # -- conditions --------------------------------------------------------------------------------------------------------
 
 
-def _disjunctive(condition: Cond) -> list[list[Cond]]:
-    """Returns a condition as alternatives, each a list of atoms and negated atoms that hold together."""
+def disjunctive(condition: Cond) -> list[list[Cond]]:
+    """Returns a condition as alternatives, each a list of atoms and negated atoms that hold together. Raises Refused if there are many."""
+    order = [node for node in postorder([condition]) if isinstance(node, Cond)]
+    asked: set[tuple[Node, bool]] = {(condition, True)}
+    for node in reversed(order):
+        for holds in (True, False):
+            if (node, holds) in asked and isinstance(node, Not | And | Or) and node.free:
+                asked.update((c, holds != isinstance(node, Not)) for c in node.children)
     done: dict[tuple[Node, bool], list[list[Cond]]] = {}
-    for node in postorder([condition]):
-        if isinstance(node, Cond):
-            for positive_ in (True, False):
-                done[node, positive_] = _alternatives(node, positive_, done)
+    for node in order:
+        for holds in (True, False):
+            if (node, holds) in asked:
+                done[node, holds] = _alternatives(node, holds, done)
     parts = [list(dict.fromkeys(part)) for part in done[condition, True]]
     if not parts:
         return [[FALSE]]
@@ -213,6 +219,9 @@ def _disjunctive(condition: Cond) -> list[list[Cond]]:
 
 
 def _alternatives(node: Cond, holds: bool, done: dict[tuple[Node, bool], list[list[Cond]]]) -> list[list[Cond]]:
+    if not node.free:
+        known = node if holds else negation(node)
+        return [] if known is FALSE else [[]] if known is TRUE else [[known]]
     match node:
         case Not():
             return done[node.operand, not holds]
@@ -225,10 +234,8 @@ def _alternatives(node: Cond, holds: bool, done: dict[tuple[Node, bool], list[li
             return [[c for part in choice for c in part] for choice in product(*below)]
         case Compare():
             return [[node if holds else Not.make(None, (node,))]]
-        case _ if node.free:
-            raise Refused("its condition holds another choice")
         case _:
-            return ([[]] if (node is TRUE) == holds else []) if node in (TRUE, FALSE) else [[node if holds else Not.make(None, (node,))]]
+            raise Refused("its condition holds another choice")
 
 
 def _guard(atom: Cond, box: _Box) -> list[Expr]:

@@ -21,15 +21,16 @@ from typing import cast
 
 from teg.analysis.boxes import Coefficients, coefficients, coefficients_along, nest_of_two
 from teg.analysis.calculus import slope
+from teg.analysis.evaluate import values_of
 from teg.analysis.expanded import distance
 from teg.analysis.nest import Binder, Chain, nest
 from teg.analysis.polynomial import Shadow, is_null
 from teg.analysis.surfaces import atoms_of
 from teg.analysis.tails import is_unbounded
-from teg.errors import NotDifferentiableError
-from teg.ir.expr import FALSE, MINUS_ONE, ONE, TRUE, ZERO, Compare, Cond, Const, Expr, Var, const
+from teg.errors import NotDifferentiableError, OperandError
+from teg.ir.expr import FALSE, MINUS_ONE, ONE, TRUE, ZERO, Compare, Cond, Const, Expr, Param, Var, const
 from teg.ir.integral import ClosedForm, Integral
-from teg.ir.node import digest
+from teg.ir.node import digest, postorder
 from teg.ir.simplify import add, call, div, integer_power, mul, sub, where
 from teg.ir.traverse import replace_node, substitute
 from teg.passes.eliminate.conic import Conic, born, match_conic, place_of, squares_of
@@ -39,6 +40,8 @@ MAX_DEGREE = 6
 """Of the polynomial along the curve; of the one inside it is two less, for the nodes along the arcs are the same."""
 LONG = 4.0
 """Sum of the squares of a matrix of numbers, relative to its determinant, from which on an ellipse is long; 2 is that of a circle."""
+FLAT = 2.0**-40
+"""The determinant of a matrix of numbers, relative to the sum of their squares, below which roundings may have made it."""
 Powers = tuple[int, int]
 Line = tuple[Expr, Expr, Expr]
 """a, b and c of c + a·u + b·v = 0, about the corner of both lower bounds."""
@@ -175,6 +178,21 @@ def _is_long(matrix: Matrix) -> bool:
     return not (a is d and b is c is ZERO)
 
 
+def _is_flat(matrix: Matrix) -> bool:
+    """Returns whether the curve of a matrix may be two parallel lines that roundings of numbers have bent, whatever its parameters are."""
+    import numpy as np
+
+    symbols = [n for n in postorder(matrix) if isinstance(n, Param)]
+    if any(e.free for e in matrix):
+        return False
+    random = np.random.default_rng(1)
+    try:
+        p, q, r, s = values_of(matrix, {symbol: random.uniform(0.05, 0.95, 4) for symbol in symbols})
+    except OperandError:
+        return False
+    return bool(np.all(np.abs(p * s - q * r) <= FLAT * (p * p + q * q + r * r + s * s)))
+
+
 def _cuts(integrand: Expr, atoms: Sequence[Compare], box: Chain) -> tuple[tuple[Cut, ...], Expr] | None:
     """Returns the half-planes of these conditions, outside of which an integrand is 0, in an order of their own, and the integrand in all
     of them; None if it is not 0 outside, or a condition is no half-plane."""
@@ -306,7 +324,7 @@ def _surface(g: Expr, box: Chain) -> _Surface | None:
         whole = sub(mul(a, d), mul(b, c))
         centre = sub(known.centre[inner.var], inner.lo), sub(known.centre[outer.var], outer.lo)
         sign, place = data.sign, known
-    if is_null(whole):  # parallel lines, however they are written
+    if is_null(whole) or _is_flat((a, b, c, d)):  # parallel lines, however they are written
         return None
     extents = distance(inner.lo, inner.hi), distance(outer.lo, outer.hi)
     radius, least = (call("sqrt", call("max", square, ZERO)) for square in (place.square, place.least))
