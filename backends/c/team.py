@@ -8,17 +8,12 @@ from teg.backends.c.text import indent
 
 
 def shared(
-    opening: Sequence[str],
-    loop: Sequence[str],
-    closing: Sequence[str] = (),
-    caller: str = "pace.caller = 1;",
-    own: str = "&pace",
-    share: str = "1",
-    worth: str = "team > 1",
+    opening: Sequence[str], loop: Sequence[str], closing: Sequence[str] = (), share: str = "1", outer: str = "", worth: str = "team > 1"
 ) -> list[str]:
-    """Returns the lines of a `loop` that is cut into parts of `share` iterations, for one thread unless it is `worth` a team. Each thread
-    runs `opening` before, which declares its pace, `own`, and `closing` behind. `working` counts the threads, the thread of the call marks
-    itself as the `caller`, and waits for the others."""
+    """Returns the lines of a `loop` that is cut into parts of `share` iterations, for one thread if it is not `worth` a team. Each thread
+    runs `opening` before, which declares its pace (`own`, if there is an `outer` one), and `closing` behind. `working` counts the threads,
+    the thread of the call marks itself as the caller, and waits for the others."""
+    pace, is_caller = ("pace", f"own.caller = {outer}->caller;") if outer else ("&pace", "pace.caller = 1;")
     return [
         "#ifdef _OPENMP",
         f"#pragma omp parallel num_threads(team) if ({worth})",
@@ -32,14 +27,14 @@ def shared(
             "#pragma omp barrier",
             "#pragma omp master",
             "#endif",
-            caller,
+            is_caller,
             "#ifdef _OPENMP",
             f"#pragma omp for schedule(dynamic, {share}) nowait",
             "#endif",
             *loop,
             *closing,
             "#ifdef _OPENMP",
-            f"teg_wait({own}, &working);",
+            f"teg_wait({pace}, &working);",
             "#endif",
         ),
         "}",
