@@ -170,11 +170,14 @@ def _at_the_vertex(g: Expr, x: Var, origin: Expr, known: tuple[Expr, Expr, Expr]
         B² - 4AC = (2A·w + B)² - 4A·g(o + w)    for every w
 
     At the vertex w = -B/2A the square is 0, and g(o + w) keeps the digits that the user's formula has there: a chord of a small disk, on a
-    line as long as the box, is 0 to the rounding of B² - 4AC. A vertex that is further away than REACH is approached only. All this where D
-    depends on parameters alone: elsewhere its roots are looked for, in its shortest form.
+    line as long as the box, is 0 to the rounding of B² - 4AC. A vertex that is further away than REACH is approached only, or not gone to
+    if A is a number: it may be the rounding of terms that cancel, as of a parabola turned by an angle. All this where D depends on
+    parameters alone: elsewhere its roots are looked for, in its shortest form.
     """
     a, b, d = known
     if d.free or not isinstance(d, Add) or all(isinstance(t, Param | Const) or _is_scaled(t) for t in d.children):
+        return d
+    if isinstance(a, Const) and _ordinary_size(b) > REACH * 2.0 * abs(a.data):
         return d
     double = mul(const(2), a)
     slope_there: Expr = ZERO
