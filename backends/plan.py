@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from teg.errors import ArrayIndexError
-from teg.program.arrays import AddTo, Arg, ArrayProgram, Blank, Integers, Load, Loop, Rows, Scatter, Step, Take, steps
+from teg.program.arrays import AddTo, Arg, ArrayProgram, Integers, Load, Loop, Scatter, Step, Take
 
 Interval = tuple[int, int]
 Whole = npt.NDArray[np.int64]
@@ -70,7 +70,7 @@ def _settled(
     spans = _Spans(arrays, rough)
     entries_of: dict[Arg, Integers] = {}
     ordered: dict[tuple[Integers | None, Integers | None], bool] = {}
-    tables = _tables(program)
+    tables = program.tables
     for step in program.subscripted:
         match step:
             case Loop():
@@ -155,11 +155,6 @@ def _of_columns(table: npt.NDArray[np.generic], larger: np.ufunc) -> npt.NDArray
     return cast("npt.NDArray[np.generic]", found)
 
 
-def _tables(program: ArrayProgram) -> dict[str, tuple[int, ...]]:
-    """Returns the arrays whose first axes the rows of each table belong to."""
-    return {s.table: s.arrays for s in steps(program.body) if isinstance(s, Rows | Blank)}
-
-
 def listed_rows(entries: npt.NDArray[np.generic], rows: int) -> Whole:
     """Returns the rows of a table that are entries of an index array, ascending."""
     listed = np.zeros(rows, dtype=bool)
@@ -213,7 +208,7 @@ class _Exact:
 
     def __init__(self, program: ArrayProgram, integers: Mapping[int, int], arrays: Sequence[npt.NDArray[np.generic]]) -> None:
         self.program, self.integers, self.arrays = program, integers, arrays
-        self.tables = _tables(program)
+        self.tables = program.tables
 
     def block(self, block: Sequence[Step], values: dict[Arg, Whole], lanes: int) -> None:
         """Run the integers of a block on lanes, one an iteration of the loops around it. Recursion is as deep as loops are."""

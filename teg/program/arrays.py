@@ -298,6 +298,11 @@ class ArrayProgram:
                     pass
         return tuple(found.values())
 
+    @cached_property
+    def tables(self) -> dict[str, tuple[int, ...]]:
+        """Returns the arrays whose first axes the rows of each table belong to."""
+        return {s.table: s.arrays for s in steps(self.body) if isinstance(s, Rows | Blank)}
+
 
 def steps(block: tuple[Step, ...]) -> Iterator[Step]:
     """Yields every step of a block and of the loops in it, outermost first."""
