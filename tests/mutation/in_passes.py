@@ -408,7 +408,7 @@ IN_PASSES: tuple[Mutant, ...] = (
         ("tests/passes/differentiate/test_moving_ends.py",),
         (
             "a side of a box beside edges",
-            "terms = [with_gaps(integral_over(rest, node.var, node.lo, node.hi), derive)]",
+            "terms = [_with_gaps(integral_over(rest, node.var, node.lo, node.hi), derive)]",
             "terms = [integral_over(rest, node.var, node.lo, node.hi)]",
         ),
     ),

@@ -388,7 +388,7 @@ MUTANTS: tuple[Mutant, ...] = (
     *mutants(
         "teg/passes/intrinsics/ellipse/match.py",
         ("tests/end_to_end/test_conics.py",),
-        ("no ellipse", "    if is_null(whole):", "    if whole is ZERO:"),
+        ("no ellipse", "if is_null(whole) or _is_flat((a, b, c, d)):", "if whole is ZERO:"),
     ),
     *mutants(
         "teg/passes/intrinsics/ellipse/errors.py",
