@@ -97,7 +97,7 @@ class Chunked(NamedTuple):
         """Returns the chunks, which threads share."""
         opening = ["teg_pace own = {pace->watch, 0, 16}, *const outer = pace, *pace = &own;", "(void)outer;"]
         loop = ["for (long c = 0; c < chunks; c++) {", *indent(*self._chunk()), "}"]
-        return shared(opening, loop, outer="outer", worth="team > 1 && chunks > 1")
+        return shared(opening, loop, nested=True, worth="team > 1 && chunks > 1")
 
     def _chunk(self) -> list[str]:
         """Returns one chunk."""

@@ -137,7 +137,8 @@ def _is_same(one: npt.NDArray[np.float64], other: npt.NDArray[np.float64]) -> bo
 
 @lru_cache(maxsize=TEXTS)
 def _kept(unbound: Unbound) -> tuple[str, int]:
-    """Returns the same of a program that calls functions, or is the body of one: printed once for all bodies, and for all calls."""
+    """Returns what `print_numpy` does for a program that calls functions, or is the body of one: printed once for all bodies, and for all
+    calls."""
     return print_numpy(unbound.program)
 
 

@@ -1,8 +1,10 @@
 """What a program computes: the values, and derivatives up to an order or along directions.
 
-VALUE                             e(p)
-GRADIENT, HESSIAN                 e(p) and ∂e/∂p, and ∂²e/∂p²
-Wanted(False, 1, (u₁, …, uₖ))     Dᵏ⁺¹e(p)[u₁, …, uₖ, ·]: the gradient of the k-th directional derivative
+    VALUE                             e(p)
+    GRADIENT, HESSIAN                 e(p) and ∂e/∂p, and ∂²e/∂p²
+    Wanted(False, 1, (u₁, …, uₖ))     Dᵏ⁺¹e(p)[u₁, …, uₖ, ·]: the gradient of the k-th directional derivative
+
+`derivation.py` has the programs of all of them.
 """
 
 from __future__ import annotations

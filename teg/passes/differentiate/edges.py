@@ -110,7 +110,8 @@ def _seen(around: Around, variables: Sequence[Var]) -> Expr:
 
 
 def _seen_beside(node: Uncovered, edge: _Surface, beyond: float) -> Expr:
-    """Returns 1 where no other candidate covers an edge. Borders of distances are told from each other by the focus that they share."""
+    """Returns 1 where no other candidate covers an edge. Borders of distances are told from each other by the focus that they share, which
+    is `chosen`: it moves with parameters once the edge has a chart, not by itself."""
     around, variables = _others(node, edge)._replace(beyond=beyond), node.variables
     if len(variables) != 2 or (shared := with_common_focus(around.condition, edge.g, (variables[0], variables[1]))) is None:
         return _seen(around, variables)

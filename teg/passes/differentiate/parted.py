@@ -2,9 +2,10 @@
 
     any_k (p_k ∨ q_k)   =   any_j ((j even ∧ p_k) ∨ (j odd ∧ q_k)),   k = j // 2,     j from 2·lo to 2·hi
 
-An edge of a candidate has the candidate on one side. A line on which two alternatives end from opposite sides, as x = a in
-(x > a ∧ y > b) ∨ (x < a ∧ y < b), is an edge of each of them, and which parts of it separate anything is known of edges of several
-candidates. Alternatives that exclude each other by numbers, such as those of another candidate and of the same one, share a place.
+What follows edges takes a candidate to be on one side of each of its edges. Two alternatives may end on one line from opposite sides, as
+on x = a in (x > a ∧ y > b) ∨ (x < a ∧ y < b): there the candidate is on both. Where edges of different candidates lie on one line, it is
+known which parts of it separate anything. So each alternative becomes a candidate. Alternatives of which at most one can hold, whatever
+the variables of integration are, become one: those under `k != i` and under `k == i`, for instance.
 Cost: a visit a node.
 """
 
@@ -25,8 +26,8 @@ from teg.passes.normalise.partitions import disjunctive
 
 
 def with_alternatives_apart(root: Expr) -> Expr:
-    """Returns the program with candidates that have no line with themselves on both sides in alternatives. Raises Refused if there are too
-    many alternatives."""
+    """Returns the program in which alternatives of a candidate that may end on one line are candidates of their own. Raises Refused if
+    there are too many alternatives."""
     (root,) = replaced([root], {node: _apart(node) for node in nodes_of(Uncovered, root)})
     return root
 
